@@ -1,0 +1,1 @@
+"""All Warp code, on flat arrays; knows no other folder."""

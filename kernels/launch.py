@@ -1,0 +1,167 @@
+"""Starting Warp and launching kernels: device choice, CPU threads, quiet start, compile notice.
+
+Warp runs a CPU launch on one core but lets go of the interpreter lock meanwhile, so a launch is split over the
+cores here. Every kernel takes `first: int` as its first argument and works on index `first + wp.tid()`: a launch of
+any number of threads is then any number of launches over fixed, contiguous ranges. A thread writes only its own
+outputs, so that results are the same bytes on one core and on many.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import warp as wp
+
+from ..errors import DeviceError
+
+VECTOR_FLAGS = (
+    "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
+    " -ffp-contract=fast -fno-slp-vectorize -mreassociate -fno-signed-zeros"
+)
+"""LLVM flags under which a constant loop over a block of points becomes vector code: everything must be inlined, and
+sums may be reassociated (they vectorise only then). `-ffast-math` gains nothing more and breaks tests for NaN."""
+
+VECTOR_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": VECTOR_FLAGS}
+"""Module options of every kernel that loops over a block of points; its adjoint, where it has one, is a kernel too."""
+
+PLAIN_OPTIONS = {"enable_backward": False}
+"""Module options of kernels without such a loop (queries, scans)."""
+
+SPLIT_SECONDS = 1.5e-4
+"""A launch shorter than this loses more by the hand-over to a second thread (about 15 us) than it gains."""
+
+_NOTICE_SECONDS = 0.7
+"""Loading a cached module takes milliseconds; one that takes longer than this is being compiled."""
+
+_start_lock = threading.Lock()
+_started = False
+_pool: ThreadPoolExecutor | None = None
+_loaded: set[tuple[str, str]] = set()
+_noticed = False
+compile_seconds = 0.0
+"""Wall seconds spent in compiling or loading modules so far, reported apart from the work itself."""
+
+
+def start() -> None:
+    """Initialise Warp without its banner and module messages; safe to call often."""
+    global _started
+    with _start_lock:
+        if not _started:
+            wp.config.log_level = wp.LOG_ERROR
+            wp.init()
+            _started = True
+
+
+def core_count() -> int:
+    """CPU cores to use: RESFIT_THREADS, or all that this process may run on."""
+    asked = os.environ.get("RESFIT_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def choose_device(name: str = "auto") -> wp.Device:
+    """The device called `name`: `auto` (the first GPU, else the CPU), `cpu`, `cuda` or `cuda:0`.
+
+    Raises:
+        DeviceError: if there is no such device.
+    """
+    start()
+    if name == "auto":
+        return wp.get_cuda_devices()[0] if wp.get_cuda_device_count() else wp.get_device("cpu")
+    if name == "cuda" and wp.get_cuda_device_count():
+        return wp.get_cuda_devices()[0]
+    present = [device.alias for device in wp.get_devices()]
+    if name not in present:
+        raise DeviceError(
+            f"device '{name}' is not available here; present: {', '.join(present)}. Use --device auto or cpu."
+        )
+    return wp.get_device(name)
+
+
+def pool() -> ThreadPoolExecutor:
+    """The worker threads that CPU launches are split over."""
+    global _pool
+    with _start_lock:
+        if _pool is None:
+            _pool = ThreadPoolExecutor(max_workers=max(1, core_count() - 1), thread_name_prefix="resfit-launch")
+        return _pool
+
+
+def load(kernel: wp.Kernel, device: wp.Device) -> None:
+    """Compile or load the module of `kernel`, with one notice on stderr if that takes long enough to be noticed."""
+    global compile_seconds
+    key = (kernel.module.name, device.alias)
+    if key in _loaded:
+        return
+    with _start_lock:
+        if key in _loaded:
+            return
+        notice = threading.Timer(_NOTICE_SECONDS, _notice_compiling)
+        notice.daemon = True
+        notice.start()
+        begin = time.perf_counter()
+        try:
+            wp.load_module(kernel.module, device=device)
+        finally:
+            notice.cancel()
+        compile_seconds += time.perf_counter() - begin
+        _loaded.add(key)
+
+
+def _notice_compiling() -> None:
+    global _noticed
+    if not _noticed:
+        _noticed = True
+        sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
+        sys.stderr.flush()
+
+
+def launch(
+    kernel: wp.Kernel,
+    count: int,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+    device: wp.Device,
+    seconds_per_thread: float = 0.0,
+) -> None:
+    """Run `kernel` over `count` threads, never recorded on a tape.
+
+    Args:
+        kernel: its first parameter is `first: int`, added to `wp.tid()`; it is passed here, not in `inputs`.
+        count: number of threads; 0 launches nothing.
+        inputs, outputs: the other arguments, in order.
+        device: where the arrays are.
+        seconds_per_thread: a guess of one thread's time on one core; launches worth it are split over the cores.
+    """
+    if count <= 0:
+        return
+    load(kernel, device)
+    parts = 1
+    if device.is_cpu and count * seconds_per_thread > SPLIT_SECONDS:
+        parts = min(core_count(), count)
+    if parts == 1:
+        wp.launch(kernel, count, [0, *inputs], outputs, device=device, record_tape=False)
+        return
+    edges = [count * part // parts for part in range(parts + 1)]
+    workers = [
+        pool().submit(_launch_range, kernel, low, high, inputs, outputs, device)
+        for low, high in zip(edges[1:-1], edges[2:], strict=True)
+    ]
+    _launch_range(kernel, edges[0], edges[1], inputs, outputs, device)
+    for worker in workers:
+        worker.result()
+
+
+def _launch_range(
+    kernel: wp.Kernel, low: int, high: int, inputs: Sequence[Any], outputs: Sequence[Any], device: wp.Device
+) -> None:
+    wp.launch(kernel, high - low, [low, *inputs], outputs, device=device, record_tape=False)

@@ -1,0 +1,1 @@
+"""ResFit: any 3D mesh as a compact, editable assembly of analytic primitives."""
