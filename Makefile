@@ -1,0 +1,81 @@
+# Every target sets up what it needs: a virtual environment in .venv with this checkout installed in it.
+#   make demo      a hand-written assembly, exported and rendered into out/demo/
+#   make test      the quick tests (core and test packages only)
+#   make test-all  lint, type check and every test, the slow ones and those with optional packages too
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -q
+# Strict mode lets type checkers see the mapped folders; it links files one by one, so a new file needs a re-install.
+EDITABLE := --config-settings editable_mode=strict
+FILES := find src kernels assembly target decomposition fitter eval export viewer applications -type f \
+	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
+
+.PHONY: help demo test test-all lint format schema results bench doctor install install-all clean
+help:
+	@sed -n 's/^#   //p' Makefile
+
+demo: install
+	@$(BIN)/python examples/hand_written.py out/demo
+
+test: install
+	@$(BIN)/python -m pytest -m "not slow and not browser"
+
+test-all: install-all lint
+	@$(BIN)/python -m pytest
+
+lint: install
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+format: install
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+schema: install
+	@$(BIN)/python -m resfit.assembly.schema assembly/assembly.schema.json
+
+results: install
+	@$(BIN)/resfit bench kernels --markdown docs/kernels.md
+
+bench: install
+	@$(BIN)/resfit bench kernels
+
+doctor: install
+	@$(BIN)/resfit doctor
+
+install: $(BIN)/python
+	$(call install-extras,test)
+
+install-all: $(BIN)/python
+	$(call install-extras,test$(,)browser)
+
+# Dependencies are resolved when pyproject.toml changes; the links are made again when the list of files does.
+, := ,
+define install-extras
+	@set -e; wanted="$(1) $$(cksum < pyproject.toml)"; files="$$($(FILES))"; \
+	if ! grep -qxF -e "$$wanted" $(VENV)/.resfit-packages 2>/dev/null; then \
+	  echo "installing resfit[$(1)] into $(VENV)"; \
+	  $(PIP) install 'setuptools>=77' </dev/null; \
+	  $(PIP) install --no-build-isolation -e '.[$(1)]' $(EDITABLE) </dev/null; \
+	  case "$(1)" in *browser*) $(BIN)/python -m playwright install chromium </dev/null || \
+	    echo "no Chromium: browser tests are skipped" >&2;; esac; \
+	  { echo "$$wanted"; case "$(1)" in *browser*) echo "test $$(cksum < pyproject.toml)";; esac; } \
+	    > $(VENV)/.resfit-packages; \
+	  echo "$$files" > $(VENV)/.resfit-files; \
+	elif [ "$$files" != "$$(cat $(VENV)/.resfit-files 2>/dev/null)" ] || [ ! -d build ]; then \
+	  $(PIP) install --no-build-isolation --no-deps -e . $(EDITABLE) </dev/null; \
+	  echo "$$files" > $(VENV)/.resfit-files; \
+	fi
+endef
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || { \
+	  echo "resfit needs Python 3.11 to 3.13, and '$(PYTHON)' is $$($(PYTHON) -V 2>&1): try make PYTHON=python3.12" >&2; \
+	  exit 1; }
+	@$(PYTHON) -m venv $(VENV)
+
+clean:
+	@rm -rf build dist out resfit.egg-info .pytest_cache .ruff_cache $(VENV)/.resfit-packages $(VENV)/.resfit-files
+	@find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
