@@ -1,0 +1,86 @@
+"""Superprimitive: the SuperFrustum without taper and bulge, always an exact distance outside."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..family import Family, Parameter, dilation_parameter, size_parameter
+from ..profile import Profile, derive_profile, sdf_profile
+from ..rows import SHAPES_C
+from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
+
+
+@wp.struct
+class Superprimitive:
+    """The table entry: profile, its upright trapezoid, and the offset."""
+
+    profile: Profile
+    trapezoid: Trapezoid
+    dilation: float
+
+
+@wp.func
+def derive_superprimitive(rows: wp.array[float], base: int) -> Superprimitive:
+    """Table entry from a row: size (3), roundness, dilation, onion."""
+    s = Superprimitive()
+    shape = base + SHAPES_C
+    s.profile = derive_profile(rows[shape], rows[shape + 1], rows[shape + 3])
+    s.trapezoid = derive_trapezoid(s.profile.inset, rows[shape + 2], 1.0, rows[shape + 5])
+    s.dilation = rows[shape + 4]
+    return s
+
+
+@wp.func
+def sdf_superprimitive(s: Superprimitive, x: float, y: float, z: float) -> float:
+    """Signed distance at a local point, negative inside."""
+    return sdf_trapezoid(s.trapezoid, sdf_profile(s.profile, x, y), z) - s.dilation
+
+
+@wp.func
+def reach_superprimitive(s: Superprimitive, x: float, y: float, z: float, radius: float) -> float:
+    """The field is 1-Lipschitz."""
+    return radius
+
+
+FAMILY = Family(
+    name="superprimitive",
+    description="rounded profile swept straight, hollowed and dilated",
+    parameters=(
+        size_parameter("full extents before dilation; z is the sweep axis"),
+        Parameter(
+            "roundness",
+            "corner radius of the profile as a share of its inset radius; 1 is a stadium or disc",
+            "ratio",
+            (0.0, 1.0),
+            (0.0, 1.0),
+            (0.0,),
+            (0.0, 1.0),
+        ),
+        dilation_parameter(),
+        Parameter(
+            "onion",
+            "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
+            "ratio",
+            (-1.0, 1.0),
+            (-1.0, 0.975),
+            (-1.0,),
+            (-1.0, 1.0),
+        ),
+    ),
+    table=Superprimitive,
+    derive=derive_superprimitive,
+    sdf=sdf_superprimitive,
+    reach=reach_superprimitive,
+    glsl="""
+float sdf_superprimitive(vec3 p, float s[8]) {
+  vec3 size = max(vec3(s[0], s[1], s[2]), vec3(1e-6));
+  float m = 0.5 * min(size.x, size.y);
+  float radius = s[3] * m;
+  vec2 q = abs(p.xy) - 0.5 * size.xy + radius;
+  float u = (min(q.x, q.y) > 0.0 ? length(q) : max(q.x, q.y)) - radius;
+  float z = abs(p.z) - 0.5 * size.z;
+  float w = max(u, (s[5] - 1.0) * m - u);
+  return length(max(vec2(w, z), vec2(0.0))) + min(max(w, z), 0.0) - s[4];
+}
+""",
+)
