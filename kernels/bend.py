@@ -174,8 +174,7 @@ def straighten_grad(b: Bend, x: float, z: float):
     zt_regular = z_arc * b.sinc_slope + height * b.sinc * inverse * (
         2.0 * r * atan_ratio_grad(r * r) * turned * inverse * inverse - ratio * d_along * inverse
     )
-    zt_arc = b.arc * (turned * inverse_radius * inverse_radius - phi * b.inverse_angle) * b.turn
-    # phi / |theta| is z_arc / h: `arc * phi * inverse_angle` of the irregular branch.
+    zt_arc = b.arc * (turned * inverse_radius * inverse_radius - phi * b.inverse_angle * b.turn)
     zt = wp.where(regular, zt_regular, zt_arc)
 
     xx = wp.where(beyond, -b.cosine, xx)

@@ -209,3 +209,14 @@ def every_primitive(primitives: PrimitiveSet, blocks: PointBlocks) -> ActiveList
     return ActiveLists(
         wp.array(ids, dtype=int, device=blocks.device), wp.array(counts, dtype=int, device=blocks.device)
     )
+
+
+DENSE_UP_TO = 3
+"""Culling costs about one evaluation in 30; with this few primitives it gains nothing."""
+
+
+def active_lists(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds | None = None) -> ActiveLists:
+    """Culled lists, or dense ones where there are too few primitives to be worth it."""
+    if len(primitives) <= DENSE_UP_TO:
+        return every_primitive(primitives, blocks)
+    return cull(primitives, blocks, bounds)

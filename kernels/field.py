@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from .culling import ActiveLists, BlockBounds, cull, every_primitive
+from .culling import ActiveLists, BlockBounds, active_lists
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .points import BLOCK_C, PointBlocks, from_grid_blocks, grid_blocks, point_blocks
@@ -19,10 +19,6 @@ from .vector_math import larger
 
 BLOCK_SECONDS = 1.2e-7
 """One primitive over one block of points, forward, on one core: decides when a launch is split."""
-
-DENSE_UP_TO = 3
-"""Culling costs about one evaluation in 30; with this few primitives it gains nothing."""
-
 
 @cache
 def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
@@ -162,9 +158,7 @@ def union_at(
     if not len(primitives):
         out_field.fill_(FAR)
         return out_field
-    if lists is None:
-        dense = len(primitives) <= DENSE_UP_TO
-        lists = every_primitive(primitives, blocks) if dense else cull(primitives, blocks, bounds)
+    lists = lists or active_lists(primitives, blocks, bounds)
     for run in primitives.runs:
         launch(
             field_kernels(run.family.name)[1],
