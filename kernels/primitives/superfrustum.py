@@ -96,6 +96,10 @@ float sdf_superfrustum_edge(vec2 p, vec2 a, vec2 b) {
   vec2 d = v - e * clamp(dot(v, e) / max(dot(e, e), 1e-18), 0.0, 1.0);
   return dot(d, d);
 }
+float sdf_superfrustum_arctan(float r2) {
+  return 0.999999911 + r2 * (-0.333320937 + r2 * (0.199713769 + r2 * (-0.140294272 + r2 * (0.0994277551 +
+    r2 * (-0.059904908 + r2 * (0.0245572375 - r2 * 0.00478048135))))));
+}
 float sdf_superfrustum_straight(vec3 p, vec3 size, float roundness, float taper, float onion) {
   float h = 0.5 * size.z;
   float m = 0.5 * min(size.x, size.y);
@@ -120,16 +124,25 @@ float sdf_superfrustum(vec3 p, float s[8]) {
   float roundness = s[3], taper = s[5], onion = s[7];
   float h = 0.5 * size.z;
   float theta = 1.5707963267948966 * s[6];
-  float sine = sin(theta), cosine = cos(theta);
+  // Series, since WebGL lets sin, cos and atan be off by 1e-3: |theta| is at most a quarter turn.
+  float square = theta * theta;
+  float sinc = 1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 +
+    square * (1.0 / 362880.0 - square / 39916800.0))));
+  float cosine = 1.0 + square * (-0.5 + square * (1.0 / 24.0 + square * (-1.0 / 720.0 +
+    square * (1.0 / 40320.0 + square * (-1.0 / 3628800.0 + square / 479001600.0)))));
+  float sine = theta * sinc;
   float height = abs(p.z);
   float facing = p.z < 0.0 ? -1.0 : 1.0;
   float across = abs(sine) * height / h;
   float along = cosine - sine * p.x / h;
-  float phi = atan(across, along);
-  float sinc = abs(theta) < 0.05 ? 1.0 - theta * theta / 6.0 * (1.0 - theta * theta / 20.0) : sine / theta;
-  float ratio = across / along;
-  float arctan = abs(ratio) < 0.03 ? 1.0 - ratio * ratio / 3.0 : atan(ratio) / ratio;
-  float z = along >= across ? height * sinc * arctan / along : h * phi / max(abs(theta), 1e-12);
+  float breadth = abs(along);
+  float longest = max(max(across, breadth), 1e-20);
+  float ratio = min(across, breadth) / longest;
+  float arctan = sdf_superfrustum_arctan(ratio * ratio);
+  float angle = ratio * arctan;
+  float phi = across > breadth ? 1.5707963267948966 - (along < 0.0 ? -angle : angle)
+                               : 3.141592653589793 - angle;
+  float z = along >= across ? height * sinc * arctan / longest : h * phi / max(abs(theta), 1e-12);
   float x = (sine * (p.x * p.x + p.z * p.z) / h - sine * h - 2.0 * p.x * cosine) /
             (sqrt(across * across + along * along) + 1.0);
   if (z > h) {

@@ -1,0 +1,234 @@
+"""Each family's GLSL text against its Warp field, in a real headless Chromium with WebGL 2."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from resfit.kernels.field import evaluate_primitives
+from resfit.kernels.launch import choose_device
+from resfit.kernels.primitive_set import PrimitiveSet
+from resfit.kernels.primitives import FAMILIES
+from resfit.kernels.rows import SHAPE, SHAPES, empty_rows
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytestmark = pytest.mark.browser
+
+POINTS = 112
+"""Points a shape is tried at."""
+TOLERANCE = 1e-4
+"""Largest difference, relative to the shape's extent where that is above 1. Float32 rounding is 1e-6."""
+
+CHROMIUM_FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+
+EVALUATE = """
+([source, name, shapes, points, shapeCount, pointCount]) => {
+  const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
+  const canvas = document.createElement('canvas');
+  const gl = canvas.getContext('webgl2');
+  if (!gl || !gl.getExtension('EXT_color_buffer_float')) return {error: 'no WebGL 2 with float targets'};
+  const vertex = `#version 300 es
+    void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0); }`;
+  const fragment = `#version 300 es
+    precision highp float;
+    precision highp sampler2D;
+    uniform sampler2D shapes, points;
+    out vec4 colour;
+    ${source}
+    void main() {
+      ivec2 at = ivec2(gl_FragCoord.xy);
+      vec4 a = texelFetch(shapes, ivec2(0, at.y), 0), b = texelFetch(shapes, ivec2(1, at.y), 0);
+      float s[8] = float[8](a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
+      colour = vec4(sdf_${name}(texelFetch(points, at, 0).xyz, s), 0.0, 0.0, 1.0);
+    }`;
+  const program = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) return {error: gl.getShaderInfoLog(shader)};
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return {error: gl.getProgramInfoLog(program)};
+  gl.useProgram(program);
+  const texture = (unit, width, height, data) => {
+    const made = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, data);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    return made;
+  };
+  const target = texture(2, pointCount, shapeCount, null);
+  texture(0, 2, shapeCount, floats(shapes));
+  texture(1, pointCount, shapeCount, floats(points));
+  gl.uniform1i(gl.getUniformLocation(program, 'shapes'), 0);
+  gl.uniform1i(gl.getUniformLocation(program, 'points'), 1);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
+  gl.viewport(0, 0, pointCount, shapeCount);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+  const read = new Float32Array(4 * pointCount * shapeCount);
+  gl.readPixels(0, 0, pointCount, shapeCount, gl.RGBA, gl.FLOAT, read);
+  // Infinities and NaN are no JSON: they come back as null.
+  return {values: Array.from(read.filter((_, i) => i % 4 == 0)), code: gl.getError()};
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    """One blank page for all families."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="the playwright package is not installed")
+    with playwright.sync_playwright() as driver:
+        own = driver.chromium.executable_path
+        found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        executable = found or (own if Path(own).exists() else None)
+        if executable is None:
+            pytest.skip("no Chromium is installed (apt-get install chromium)")
+        browser = driver.chromium.launch(executable_path=executable, args=CHROMIUM_FLAGS)
+        yield browser.new_page()
+        browser.close()
+
+
+def encoded(values: np.ndarray) -> str:
+    """Float32 values as text that a page can read."""
+    return base64.b64encode(np.ascontiguousarray(values, np.float32).tobytes()).decode()
+
+
+def evaluate_in_browser(page: Page, name: str, shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Field (k, n) of the shapes (k, SHAPE) at their own points (k, n, 3), by the family's GLSL text."""
+    padded = np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)
+    arguments = [FAMILIES[name].glsl, name, encoded(shapes), encoded(padded), *points.shape[:2]]
+    result: dict[str, Any] = json.loads(json.dumps(page.evaluate(EVALUATE, arguments)))
+    assert "error" not in result, result["error"]
+    assert result["code"] == 0
+    return np.array(result["values"], np.float64).reshape(points.shape[:2])
+
+
+def evaluate_in_warp(name: str, shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The same by the Warp field: all shapes at all points, of which each keeps its own."""
+    rows = empty_rows(len(shapes))
+    rows[:, SHAPES : SHAPES + SHAPE] = shapes
+    values = np.empty(points.shape[:2], np.float32)
+    # A few shapes at a time: the full table of shapes by points would be large.
+    for begin in range(0, len(shapes), 32):
+        own = points[begin : begin + 32]
+        primitives = PrimitiveSet(rows[begin : begin + 32], [name] * len(own), choose_device("cpu"))
+        table = evaluate_primitives(primitives, own.reshape(-1, 3)).reshape(len(own), len(own), -1)
+        values[begin : begin + 32] = table[np.arange(len(own)), np.arange(len(own))]
+    return values
+
+
+def random_shapes(name: str, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Legal shapes (count, SHAPE) of a family, some of their numbers at the ends of their ranges."""
+    low, high = FAMILIES[name].legal_range
+    high = np.where(np.isfinite(high), high, np.where(np.arange(SHAPE) < 3, 2.0, 0.3))
+    shapes = rng.uniform(low, high, (count, SHAPE))
+    edge = rng.random((count, SHAPE))
+    shapes = np.where(edge < 0.04, low, np.where(edge > 0.96, high, shapes))
+    # Sizes of every magnitude, and ties between them.
+    shapes[:, :3] *= np.where(rng.random((count, 3)) < 0.3, rng.uniform(0.005, 0.2, (count, 3)), 1.0)
+    ties = rng.random(count) < 0.3
+    shapes[ties, 1] = shapes[ties, 0]
+    return shapes.astype(np.float32)
+
+
+SPECIAL: dict[str, list[dict[str, Any]]] = {
+    "cuboid": [{"size": size} for size in ((0, 0, 0), (1, 0, 1), (1e-5, 1, 1), (2, 2, 2))],
+    "superprimitive": [
+        {"size": (0, 0, 0), "dilation": 0.4},
+        {"size": (0, 0, 1), "dilation": 0.1},
+        {"size": (1, 1, 0), "roundness": 1, "onion": 1, "dilation": 0.1},
+        {"size": (1, 1, 1), "roundness": 1},
+        {"size": (1, 1, 1), "onion": 0},
+        {"size": (1, 0.5, 1), "onion": 0.97, "roundness": 0},
+    ],
+    "superquadric": [
+        {"size": (1, 1, 1)},
+        {"size": (0, 1, 1)},
+        {"size": (1, 0.7, 0.4), "exponents": (0, 0)},
+        {"size": (1, 0.7, 0.4), "exponents": (2, 2)},
+        {"size": (1, 0.7, 0.4), "exponents": (0.05, 1.9)},
+    ],
+    "superfrustum": [
+        {"size": size, "bulge": bulge, "onion": onion, "taper": taper, "roundness": roundness}
+        for size in ((1, 1, 1), (0.3, 0.8, 1.2), (1.5, 0.4, 0.7), (1, 1, 1e-4), (0, 0, 1), (0.02, 1, 1))
+        for bulge in (0, 1e-8, 1e-5, -1e-5, 1e-3, 0.02, -0.4, 1, -1)
+        for onion, taper, roundness in ((-1, 1, 0), (0, 0, 1), (0.97, 2, 0.5), (0.5, 0, 0))
+    ]
+    + [
+        {"size": (0, 0, 0), "dilation": 0.5},
+        {"size": (0, 0, 1), "dilation": 0.2},
+        {"size": (1, 1, 0), "roundness": 1, "onion": 1, "dilation": 0.15},
+        {"size": (0, 0, 0), "onion": 1, "dilation": 0.1, "bulge": 1},
+    ],
+}
+
+
+def special_shapes(name: str) -> np.ndarray:
+    """The degenerate shapes of a family, (k, SHAPE)."""
+    rows = [FAMILIES[name].shape_row(**entry) for entry in SPECIAL.get(name, [{}])]
+    return np.array(rows, np.float32)
+
+
+def sample_points(shapes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Local points (k, POINTS, 3): in and around each shape, and on planes and axes that are special."""
+    extent = np.maximum(shapes[:, None, :3], 0.05)
+    points = rng.uniform(-1.0, 1.0, (len(shapes), POINTS, 3)) * (0.3 + 0.8 * extent)
+    points[:, :8, 2] = 0.0
+    points[:, 8:12, 0] = 0.0
+    points[:, 12:16, 1] = 0.0
+    points[:, 16:20, :2] = 0.0
+    points[:, 20:24, 1:] = 0.0
+    points[:, 24] = 0.0
+    points[:, 25] = 0.5 * shapes[:, :3]
+    points[:, 26:28, 2] = 0.5 * shapes[:, 2:3]
+    points[:, 28:32, 2] = -0.0
+    return points.astype(np.float32)
+
+
+def away_from_arc_centre(name: str, shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Where (k, n) the field is well-conditioned: at the centre of a bend's arc any rounding changes it."""
+    if name != "superfrustum":
+        return np.ones(points.shape[:2], bool)
+    half = 0.5 * np.maximum(shapes[:, None, 2], 1e-6)
+    theta = 0.5 * np.pi * shapes[:, None, 6]
+    along = np.cos(theta) - np.sin(theta) * points[..., 0] / half
+    return np.hypot(along, np.sin(theta) * points[..., 2] / half) > 1e-3
+
+
+@pytest.mark.parametrize("name", sorted(FAMILIES))
+def test_text_equals_field(name: str, page: Page, rng: np.random.Generator) -> None:
+    shapes = np.concatenate([special_shapes(name), random_shapes(name, 256, rng)])
+    points = sample_points(shapes, rng)
+    in_browser, in_warp = (
+        evaluate_in_browser(page, name, shapes, points),
+        evaluate_in_warp(name, shapes, points),
+    )
+    assert np.isfinite(in_browser).all()
+    scale = np.maximum(1.0, np.maximum(np.abs(in_warp), shapes[:, None, :3].max(axis=-1)))
+    difference = np.abs(in_browser - in_warp) / scale
+    difference[~away_from_arc_centre(name, shapes, points)] = 0.0
+    worst = np.unravel_index(difference.argmax(), difference.shape)
+    assert difference[worst] < TOLERANCE, (shapes[worst[0]], points[worst], in_browser[worst], in_warp[worst])
