@@ -30,7 +30,7 @@ MARGIN = wp.constant(1.0e-5)
 
 @dataclass(frozen=True)
 class ActiveLists:
-    """For each block, the primitives to evaluate, in list order: ids[block * primitive_count + n], n < counts[block]."""
+    """The primitives to evaluate in each block, in list order: ids[block * primitive_count + n], n < counts[block]."""
 
     ids: wp.array
     counts: wp.array
@@ -215,7 +215,9 @@ DENSE_UP_TO = 3
 """Culling costs about one evaluation in 30; with this few primitives it gains nothing."""
 
 
-def active_lists(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds | None = None) -> ActiveLists:
+def active_lists(
+    primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds | None = None
+) -> ActiveLists:
     """Culled lists, or dense ones where there are too few primitives to be worth it."""
     if len(primitives) <= DENSE_UP_TO:
         return every_primitive(primitives, blocks)

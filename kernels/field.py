@@ -20,6 +20,7 @@ from .vector_math import larger
 BLOCK_SECONDS = 1.2e-7
 """One primitive over one block of points, forward, on one core: decides when a launch is split."""
 
+
 @cache
 def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
     """Kernels of the family `name`: each primitive alone, and the union folded on over a run of primitives.
@@ -116,7 +117,9 @@ def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
     return evaluate_primitives_kernel, fold_union_kernel
 
 
-def primitives_at(primitives: PrimitiveSet, blocks: PointBlocks, out_values: wp.array | None = None) -> wp.array:
+def primitives_at(
+    primitives: PrimitiveSet, blocks: PointBlocks, out_values: wp.array | None = None
+) -> wp.array:
     """Every primitive alone, ungated, at every point: (primitive_count * padded points,) primitive-major."""
     size = blocks.x.shape[0]
     if out_values is None:

@@ -13,7 +13,7 @@ from .launch import VECTOR_OPTIONS, launch
 from .points import BLOCK_C, PointBlocks, point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
-from .rows import BLEND_C, GATE_C, ROW_C
+from .rows import BLEND_C, GATE_C, ROW_C, Derivatives
 from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .vector_math import larger
 
@@ -36,10 +36,7 @@ def gradient_kernel(name: str) -> wp.Kernel:
     @wp.func
     def fold(
         i: int,
-        value: float,
-        lx: float,
-        ly: float,
-        lz: float,
+        d: Derivatives,
         f: Frame,
         gate: float,
         blend: float,
@@ -50,8 +47,8 @@ def gradient_kernel(name: str) -> wp.Kernel:
         gz: wp.array[float],
     ):
         before = field[i]
-        after = gated(value, gate)
-        wx, wy, wz = to_world_direction(f, lx, ly, lz)
+        after = gated(d[0], gate)
+        wx, wy, wz = to_world_direction(f, d[1], d[2], d[3])
         keep = smooth_minimum_share(before, after, quarter)
         take = (1.0 - keep) * gate
         field[i] = smooth_minimum(before, after, blend, quarter)
@@ -102,13 +99,13 @@ def gradient_kernel(name: str) -> wp.Kernel:
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        v, lx, ly, lz, s0, s1, s2, s3, s4, s5, s6, s7 = sdf_grad(s, px, py, pz)
-                        fold(base + j, v, lx, ly, lz, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
+                        d = sdf_grad(s, px, py, pz)
+                        fold(base + j, d, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
                 else:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        v, lx, ly, lz, s0, s1, s2, s3, s4, s5, s6, s7 = fast_grad(s, px, py, pz)
-                        fold(base + j, v, lx, ly, lz, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
+                        d = fast_grad(s, px, py, pz)
+                        fold(base + j, d, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
 
     return fold_gradient_kernel
 

@@ -16,9 +16,31 @@ from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .primitive_set import PrimitiveSet
 from .primitives import family
-from .rows import TANGENT
+from .rows import TANGENT, Derivatives
 
 TANGENT_C = wp.constant(TANGENT)
+JacobianRow = wp.types.vector(length=TANGENT, dtype=float)
+
+
+@wp.func
+def jacobian_row(x: float, y: float, z: float, d: Derivatives) -> JacobianRow:
+    """The row of a local point from the field's derivatives there."""
+    return JacobianRow(
+        -d[1],
+        -d[2],
+        -d[3],
+        d[2] * z - d[3] * y,
+        d[3] * x - d[1] * z,
+        d[1] * y - d[2] * x,
+        d[4],
+        d[5],
+        d[6],
+        d[7],
+        d[8],
+        d[9],
+        d[10],
+        d[11],
+    )
 
 
 @cache
@@ -46,22 +68,11 @@ def jacobian_kernel(name: str) -> wp.Kernel:
         if k >= run[0] and k < run[1]:
             p = points[i]
             x, y, z = to_local(frames[k], p[0], p[1], p[2])
-            f, gx, gy, gz, s0, s1, s2, s3, s4, s5, s6, s7 = sdf_grad(tables[k], x, y, z)
-            out_values[i] = f
-            out_rows[i, 0] = -gx
-            out_rows[i, 1] = -gy
-            out_rows[i, 2] = -gz
-            out_rows[i, 3] = gy * z - gz * y
-            out_rows[i, 4] = gz * x - gx * z
-            out_rows[i, 5] = gx * y - gy * x
-            out_rows[i, 6] = s0
-            out_rows[i, 7] = s1
-            out_rows[i, 8] = s2
-            out_rows[i, 9] = s3
-            out_rows[i, 10] = s4
-            out_rows[i, 11] = s5
-            out_rows[i, 12] = s6
-            out_rows[i, 13] = s7
+            d = sdf_grad(tables[k], x, y, z)
+            row = jacobian_row(x, y, z, d)
+            out_values[i] = d[0]
+            for m in range(TANGENT_C):
+                out_rows[i, m] = row[m]
 
     return write_jacobian_kernel
 

@@ -12,8 +12,10 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 import warp as wp
@@ -54,8 +56,23 @@ def start() -> None:
     with _start_lock:
         if not _started:
             wp.config.log_level = wp.LOG_ERROR
-            wp.init()
+            with _quiet_stderr():
+                wp.init()
             _started = True
+
+
+@contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    """Silence native code: without a driver, Warp's start writes a CUDA warning straight to the descriptor."""
+    sys.stderr.flush()
+    saved = os.dup(2)
+    with open(os.devnull, "wb") as sink:
+        os.dup2(sink.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
 
 
 def core_count() -> int:
@@ -92,7 +109,9 @@ def pool() -> ThreadPoolExecutor:
     global _pool
     with _start_lock:
         if _pool is None:
-            _pool = ThreadPoolExecutor(max_workers=max(1, core_count() - 1), thread_name_prefix="resfit-launch")
+            _pool = ThreadPoolExecutor(
+                max_workers=max(1, core_count() - 1), thread_name_prefix="resfit-launch"
+            )
         return _pool
 
 
@@ -154,7 +173,7 @@ def launch(
     edges = [count * part // parts for part in range(parts + 1)]
     workers = [
         pool().submit(_launch_range, kernel, low, high, inputs, outputs, device)
-        for low, high in zip(edges[1:-1], edges[2:], strict=True)
+        for low, high in pairwise(edges[1:])
     ]
     _launch_range(kernel, edges[0], edges[1], inputs, outputs, device)
     for worker in workers:

@@ -63,7 +63,9 @@ class PrimitiveSet:
     `derive`.
     """
 
-    def __init__(self, rows: np.ndarray, families: Sequence[str], device: wp.Device, requires_grad: bool = False):
+    def __init__(
+        self, rows: np.ndarray, families: Sequence[str], device: wp.Device, requires_grad: bool = False
+    ):
         rows = np.ascontiguousarray(rows, np.float32).reshape(-1, ROW)
         if len(rows) != len(families):
             raise ValueError(f"{len(rows)} rows but {len(families)} families")

@@ -34,3 +34,6 @@ def empty_rows(primitive_count: int) -> np.ndarray:
 ROW_C = wp.constant(ROW)
 TRANSLATION_C, ROTATION_C = wp.constant(TRANSLATION), wp.constant(ROTATION)
 SHAPES_C, BLEND_C, GATE_C = wp.constant(SHAPES), wp.constant(BLEND), wp.constant(GATE)
+
+Derivatives = wp.types.vector(length=4 + SHAPE, dtype=float)
+"""What a family's `sdf_grad` returns: the distance, its derivatives to the local point (3) and to the shape (SHAPE)."""

@@ -91,7 +91,8 @@ def sdf_trapezoid(t: Trapezoid, u: float, z: float) -> float:
     excess_top = larger(wp.abs(u - t.top_middle) - t.top_half, 0.0)
     sides = smaller(right * right + excess_right * excess_right, left * left + excess_left * excess_left)
     caps = smaller(
-        above_bottom * above_bottom + excess_bottom * excess_bottom, above_top * above_top + excess_top * excess_top
+        above_bottom * above_bottom + excess_bottom * excess_bottom,
+        above_top * above_top + excess_top * excess_top,
     )
     return wp.where(deep < 0.0, deep, wp.sqrt(smaller(sides, caps)))
 

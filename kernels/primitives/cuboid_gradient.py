@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..rows import Derivatives
 from ..vector_math import larger, sign
 from .cuboid import Cuboid
 
 
 @wp.func
-def sdf_cuboid_grad(c: Cuboid, x: float, y: float, z: float):
-    """Value and derivatives; moving a face outwards by half the size is moving the point inwards.
-
-    Returns:
-        f, df/dx, df/dy, df/dz, then 8 shape derivatives (size, and zeros).
-    """
+def sdf_cuboid_grad(c: Cuboid, x: float, y: float, z: float) -> Derivatives:
+    """Value and derivatives; moving a face outwards by half the size is moving the point inwards."""
     qx = wp.abs(x) - c.x
     qy = wp.abs(y) - c.y
     qz = wp.abs(z) - c.z
@@ -31,7 +28,7 @@ def sdf_cuboid_grad(c: Cuboid, x: float, y: float, z: float):
     gy = wp.where(inside, is_y, oy * inverse)
     gz = wp.where(inside, 1.0 - is_x - is_y, oz * inverse)
     f = wp.where(inside, deep, outside)
-    return (
+    return Derivatives(
         f,
         gx * sign(x),
         gy * sign(y),

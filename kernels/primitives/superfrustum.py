@@ -79,7 +79,9 @@ def reach_superfrustum(s: SuperFrustum, x: float, y: float, z: float, radius: fl
     to_centre = wp.sqrt(along * along + across * across) / larger(wp.abs(s.bend.curvature), 1.0e-12)
     nearest = to_centre - radius
     stretch = s.bend.arc / larger(nearest, 1.0e-6)
-    steepest = larger(stretch, 1.0) + wp.where(behind_centre(s.bend, x) + wp.abs(s.bend.curvature) * radius > 0.0, 2.0 + 2.0 * stretch, 0.0)
+    steepest = larger(stretch, 1.0) + wp.where(
+        behind_centre(s.bend, x) + wp.abs(s.bend.curvature) * radius > 0.0, 2.0 + 2.0 * stretch, 0.0
+    )
     change = radius * steepest
     return wp.where(s.bend.angle < 1.0e-6, radius, wp.where(nearest > 0.0, change, 1.0e6))
 

@@ -10,6 +10,7 @@ import warp as wp
 
 from ..bend import straighten_grad, straighten_other_grad
 from ..profile import sdf_profile_grad, sdf_profile_shape_grad
+from ..rows import Derivatives
 from ..trapezoid import sdf_trapezoid_grad
 from ..vector_math import HALF_PI
 from .superfrustum import SuperFrustum
@@ -29,19 +30,15 @@ def sdf_straight_grad(s: SuperFrustum, x: float, y: float, z: float):
 
 
 @wp.func
-def sdf_superfrustum_fast_grad(s: SuperFrustum, x: float, y: float, z: float):
-    """Value and derivatives in front of the arc's centre (see `sdf_superfrustum_fast`).
-
-    Returns:
-        f, df/dx, df/dy, df/dz, then 8 shape derivatives.
-    """
+def sdf_superfrustum_fast_grad(s: SuperFrustum, x: float, y: float, z: float) -> Derivatives:
+    """Value and derivatives in front of the arc's centre (see `sdf_superfrustum_fast`)."""
     sx, sz, xx, xz, xh, xt, zx, zz, zh, zt = straighten_grad(s.bend, x, z)
     g, gx, gy, gz, gsx, gsy, gh, ground, gtaper, gonion = sdf_straight_grad(s, sx, y, sz)
     dx = gx * xx + gz * zx
     dz = gx * xz + gz * zz
     dh = gh + gx * xh + gz * zh
     dtheta = gx * xt + gz * zt
-    return (
+    return Derivatives(
         g - s.dilation,
         dx,
         gy,
@@ -58,15 +55,13 @@ def sdf_superfrustum_fast_grad(s: SuperFrustum, x: float, y: float, z: float):
 
 
 @wp.func
-def sdf_superfrustum_grad(s: SuperFrustum, x: float, y: float, z: float):
-    """Value and derivatives anywhere: near + weight (other - near) where the other end is nearer.
-
-    Returns:
-        f, df/dx, df/dy, df/dz, then 8 shape derivatives.
-    """
+def sdf_superfrustum_grad(s: SuperFrustum, x: float, y: float, z: float) -> Derivatives:
+    """Value and derivatives anywhere: near + weight (other - near) where the other end is nearer."""
     sx, sz, xx, xz, xh, xt, zx, zz, zh, zt = straighten_grad(s.bend, x, z)
     g, gx, gy, gz, gsx, gsy, gh, ground, gtaper, gonion = sdf_straight_grad(s, sx, y, sz)
-    ox, oz, weight, wx, wz, wh, wt, oxx, oxz, oxh, oxt, ozx, ozz, ozh, ozt = straighten_other_grad(s.bend, x, z)
+    ox, oz, weight, wx, wz, wh, wt, oxx, oxz, oxh, oxt, ozx, ozz, ozh, ozt = straighten_other_grad(
+        s.bend, x, z
+    )
     k, kx, ky, kz, ksx, ksy, kh, kround, ktaper, konion = sdf_straight_grad(s, ox, y, oz)
     nearer = k < g
     gain = wp.where(nearer, k - g, 0.0)
@@ -76,7 +71,7 @@ def sdf_superfrustum_grad(s: SuperFrustum, x: float, y: float, z: float):
     dz = a * (gx * xz + gz * zz) + b * (kx * oxz + kz * ozz) + gain * wz
     dh = a * (gh + gx * xh + gz * zh) + b * (kh + kx * oxh + kz * ozh) + gain * wh
     dtheta = a * (gx * xt + gz * zt) + b * (kx * oxt + kz * ozt) + gain * wt
-    return (
+    return Derivatives(
         g + weight * gain - s.dilation,
         dx,
         a * gy + b * ky,
