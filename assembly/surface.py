@@ -47,18 +47,28 @@ def check_resolution(resolution: int) -> None:
         raise InputError(f"resolution is {resolution}; it must lie in [4, {MAX_RESOLUTION}]")
 
 
-def union_mesh(assembly: Assembly, resolution: int, device: str = "auto") -> trimesh.Trimesh:
-    """The surface of the smooth union, in the mesh's own frame; without a triangle if nothing is inside.
+def union_surface(assembly: Assembly, resolution: int, device: str = "auto") -> Surface:
+    """The surface of the smooth union in the normalised frame: vertices (v, 3), faces (f, 3).
 
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
     check_resolution(resolution)
     if not assembly.primitives:
-        return _mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     from ..kernels.isosurface import extract_isosurface
 
     vertices, faces = extract_isosurface(assembly.on_device(device), resolution)
+    return np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+
+
+def union_mesh(assembly: Assembly, resolution: int, device: str = "auto") -> trimesh.Trimesh:
+    """The surface of the smooth union, in the mesh's own frame; without a triangle if nothing is inside.
+
+    Raises:
+        InputError: if the resolution is not in [4, MAX_RESOLUTION].
+    """
+    vertices, faces = union_surface(assembly, resolution, device)
     return _mesh(assembly.transform.to_mesh(vertices), faces)
 
 
@@ -125,11 +135,11 @@ def _marched(
 
 def _covers(vertices: npt.NDArray[np.float64], surface: npt.NDArray[np.float64], cell: float) -> bool:
     """Whether points on the surface have a vertex near: thin sheets fall through coarse grids."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     if not len(vertices) or not len(surface):
         return not len(surface)
-    distance, _ = cKDTree(vertices).query(surface)
+    distance, _ = KDTree(vertices).query(surface)
     return float(np.mean(distance > cell)) < 0.05
 
 

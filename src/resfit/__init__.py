@@ -1,1 +1,46 @@
-"""ResFit: any 3D mesh as a compact, editable assembly of analytic primitives."""
+"""ResFit: any 3D mesh as a compact, editable assembly of analytic primitives.
+
+Public names load on first use: Warp and trimesh alone take over a second.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from resfit.api import export
+    from resfit.assembly.assembly import Assembly
+    from resfit.assembly.primitive import Pose, Primitive
+    from resfit.assembly.transform import Transform
+    from resfit.errors import ResfitError
+
+    __version__: str
+
+__all__ = ["Assembly", "Pose", "Primitive", "ResfitError", "Transform", "__version__", "export"]
+
+_HOMES = {
+    "Assembly": "resfit.assembly.assembly",
+    "Pose": "resfit.assembly.primitive",
+    "Primitive": "resfit.assembly.primitive",
+    "ResfitError": "resfit.errors",
+    "Transform": "resfit.assembly.transform",
+    "export": "resfit.api",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("resfit")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'resfit' has no attribute '{name}'")
+    value = getattr(import_module(_HOMES[name]), name)
+    if name != "export":
+        globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,1 +1,92 @@
-"""The command line: one file a command."""
+"""The command line: one file a command.
+
+Exit codes: 0 done; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input (one
+sentence, nothing written); 4 interrupted. Modules of commands import nothing heavy, so that `--help` is quick.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from resfit.errors import ResfitError
+
+if TYPE_CHECKING:
+    from cyclopts import App
+
+DEFECT, USAGE, STOPPED = 1, 2, 4
+
+
+def build_app() -> App:
+    """The application with all its commands."""
+    from cyclopts import App
+
+    import resfit
+    from resfit.cli.bench import bench
+    from resfit.cli.doctor import doctor
+    from resfit.cli.export import export
+
+    app = App(
+        name="resfit",
+        help="Turn any 3D mesh into a compact, editable assembly of analytic primitives.",
+        version=lambda: resfit.__version__,
+        suppress_keyboard_interrupt=False,
+    )
+    app.command(export)
+    app.command(bench)
+    app.command(doctor)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Args:
+        arguments: without the program's name; None takes those of the process.
+    """
+    from cyclopts import CycloptsError
+
+    try:
+        code = build_app()(
+            sys.argv[1:] if arguments is None else list(arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except ResfitError as error:
+        return _complain(str(error), error.exit_code)
+    except CycloptsError as error:
+        return _complain(f"{error} See resfit --help.", USAGE)
+    except KeyboardInterrupt:
+        return _complain("stopped.", STOPPED)
+    except BrokenPipeError:
+        # Who reads our output has seen enough. What Python still holds must go somewhere at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        sentence = f"this is a defect of resfit ({type(error).__name__}): {error}; the log is {_write_log()}"
+        return _complain(sentence, DEFECT)
+
+
+def _complain(sentence: str, code: int) -> int:
+    """One line on stderr, whatever the message was made of."""
+    line = " ".join(sentence.split())
+    sys.stderr.write(f"resfit: {line}\n")
+    return code
+
+
+def _write_log() -> str:
+    """Write the traceback of the current exception to a new file and return its path."""
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="resfit-", suffix=".log")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as stream:
+            stream.write(f"resfit {' '.join(sys.argv[1:])}\npython {sys.version}\n\n{traceback.format_exc()}")
+        return path
+    except OSError:
+        return "lost, because no temporary file can be written"

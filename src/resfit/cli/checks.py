@@ -1,0 +1,189 @@
+"""The single checks of `resfit doctor`. None raises: what fails is the answer.
+
+What can take the whole process down with it (VTK without a display, browsers) is tried in a child process.
+"""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from resfit.errors import ResfitError
+
+CHILD_SECONDS = 60.0
+"""Starting VTK on software OpenGL, or a browser, takes up to 20 s on a slow machine."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the report."""
+
+    name: str
+    ok: bool
+    detail: str
+    fix: str = ""
+    """What to do where it is not ok: one line."""
+    core: bool = False
+    """Whether fitting and exporting need it."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+OPTIONAL = (
+    # package, what for, how to get it
+    ("coacd", "compare with CoACD", "pip install coacd"),
+    ("mujoco", "check exported physics models", "pip install mujoco"),
+    ("usd-core", "export USD", "pip install usd-core"),
+    ("build123d", "export STEP", "pip install build123d"),
+    ("trame", "view in a browser", "pip install trame trame-vtk"),
+    ("ray", "batches on a cluster", "pip install ray"),
+)
+
+PYVISTA_PROBE = """
+import pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere())
+image = plotter.screenshot(return_img=True)
+assert image.std() > 1.0
+print("VTK", pyvista.vtk_version_info)
+"""
+
+CHROMIUM_PROBE = """
+from playwright.sync_api import sync_playwright
+with sync_playwright() as playwright:
+    browser = playwright.chromium.launch()
+    print("Chromium", browser.version)
+    browser.close()
+"""
+
+
+def run_checks(device: str, warm: bool) -> list[Check]:
+    """All checks, the core first.
+
+    Args:
+        device: `auto`, `cpu`, `cuda:0`.
+        warm: compile every kernel module too.
+    """
+    core: list[tuple[str, Callable[[], str], str]] = [
+        ("python", lambda: f"{platform.python_version()} on {platform.system()} {platform.machine()}", ""),
+        ("resfit", _packages, "pip install resfit"),
+        ("devices", lambda: _devices(device), "use --device cpu"),
+        ("kernels", lambda: _kernels(device), "pip install --force-reinstall warp-lang"),
+    ]
+    if warm:
+        core.append(("warm", lambda: _warm(device), ""))
+    checks = [_tried(name, probe, fix, core=True) for name, probe, fix in core]
+    checks.append(_tried("ray tracer", lambda: _ray_tracer(device), "try --device cpu"))
+    checks.append(
+        _tried(
+            "pyvista", lambda: _child(PYVISTA_PROBE), "on Linux: install libgl1 libegl1 (OpenGL libraries)"
+        )
+    )
+    browser = "pip install playwright && playwright install --with-deps chromium"
+    checks.append(_tried("chromium", lambda: _child(CHROMIUM_PROBE), browser))
+    for package, purpose, fix in OPTIONAL:
+        checks.append(_optional(package, purpose, fix))
+    return checks
+
+
+def _tried(name: str, probe: Callable[[], str], fix: str, core: bool = False) -> Check:
+    try:
+        return Check(name, True, probe(), fix, core)
+    except ResfitError as error:
+        return Check(name, False, str(error), fix, core)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return Check(name, False, reason[:200], fix, core)
+
+
+def _optional(package: str, purpose: str, fix: str) -> Check:
+    try:
+        return Check(package, True, f"{version(package)}, {purpose}", fix)
+    except PackageNotFoundError:
+        return Check(package, False, f"not installed, {purpose}", fix)
+
+
+def _packages() -> str:
+    names = ("resfit", "warp-lang", "numpy", "scipy", "trimesh")
+    return ", ".join(f"{name} {version(name)}" for name in names)
+
+
+def _devices(device: str) -> str:
+    import warp as wp
+
+    from resfit.kernels.launch import choose_device, core_count
+
+    chosen = choose_device(device)
+    names = [f"{found.alias} ({found.name})" for found in wp.get_devices()]
+    return f"uses {chosen.alias}; present: {', '.join(names)}; {core_count()} CPU cores"
+
+
+def _kernels(device: str) -> str:
+    """Compile or load one kernel and compare one distance that is known."""
+    begin = time.perf_counter()
+    distance = float(_box().sdf([[1.0, 0.0, 0.0]], device=device)[0])
+    if abs(distance - 0.5) > 1e-6:
+        raise RuntimeError(f"a distance of 0.5 came out as {distance}")
+    return f"a distance is right; {time.perf_counter() - begin:.2f} s, compiling included"
+
+
+def _warm(device: str) -> str:
+    import resfit.kernels
+    from resfit.kernels.launch import choose_device
+
+    begin = time.perf_counter()
+    compile_all = getattr(resfit.kernels, "warm", None)
+    if compile_all is None:
+        raise RuntimeError("this release cannot compile its kernels ahead")
+    compile_all(choose_device(device))
+    return f"every kernel is compiled; {time.perf_counter() - begin:.1f} s"
+
+
+def _ray_tracer(device: str) -> str:
+    import numpy as np
+
+    from resfit.kernels.raytrace import render_assembly
+
+    assembly = _box()
+    image = render_assembly(assembly.on_device(device), np.array([[1.0, 0.5, 0.2]]), 32, 32)
+    if not float(np.std(image)) > 1.0:
+        raise RuntimeError("the picture is empty")
+    return "a picture was rendered without OpenGL"
+
+
+def _box() -> Any:
+    from resfit.assembly.assembly import Assembly
+    from resfit.assembly.primitive import Pose, Primitive
+
+    return Assembly((Primitive("cuboid", "box", Pose(), {"size": (1.0, 1.0, 1.0)}),))
+
+
+def _child(code: str) -> str:
+    """Run Python code in another process and return the last line that it prints."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=CHILD_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"no answer within {CHILD_SECONDS:g} s") from None
+    if done.returncode < 0:
+        raise RuntimeError(f"the process crashed (signal {-done.returncode})")
+    if done.returncode:
+        # The line of the exception; some packages put boxes of advice behind it.
+        lines = [line for line in done.stderr.splitlines() if "Error: " in line] or ["it failed"]
+        raise RuntimeError(lines[-1].partition("Error: ")[2] or lines[-1])
+    return (done.stdout.splitlines() or ["works"])[-1]

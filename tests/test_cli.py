@@ -1,0 +1,163 @@
+"""The command line: exit codes, one sentence on stderr, nothing but JSON where JSON was asked for."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.primitive import Pose, Primitive
+
+import resfit.cli
+from resfit.cli import checks
+
+
+@pytest.fixture
+def assembly_path(tmp_path: Path) -> Path:
+    path = tmp_path / "box.json"
+    Assembly((Primitive("cuboid", "box", Pose(), {"size": (1.0, 0.5, 0.5)}),)).save(path)
+    return path
+
+
+def complaint(capsys: pytest.CaptureFixture[str]) -> str:
+    """What went to stderr, which is one line; nothing went to stdout."""
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("resfit: ") and captured.err.count("\n") == 1
+    return captured.err.removeprefix("resfit: ").strip()
+
+
+def test_export(assembly_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outputs = [tmp_path / "box.glb", tmp_path / "box.obj"]
+    arguments = ["export", str(assembly_path), *map(str, outputs), "--resolution", "8", "--device", "cpu"]
+    assert resfit.cli.main(arguments) == 0
+    assert all(path.stat().st_size > 100 for path in outputs)
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["exprt"], "Unknown command"),
+        (["export"], "requires an argument"),
+        (["export", "BOX"], "at least one file"),
+        (["export", "BOX", "a.xyz"], "must end in one of"),
+        (["export", "BOX", "missing/a.glb"], "there is no folder"),
+        (["export", "missing.json", "DIR/a.glb"], "No such file"),
+        (["export", "DIR", "DIR/a.glb"], "is a folder"),
+        (["export", "BOX", "DIR/a.glb", "--resolution", "many"], "unable to convert"),
+        (["export", "BOX", "DIR/a.glb", "--resolution", "-1"], "resolution is -1"),
+        (["export", "BOX", "DIR/a.glb", "--device", "tpu"], "device 'tpu' is not available"),
+        (["export", "BOX", "DIR/a.glb", "--nonsense"], "Unknown option"),
+        (["bench", "nonsense"], "Invalid value"),
+        (["--nonsense"], "nonsense"),
+        (["two\nlines"], "Unknown command"),
+    ],
+)
+def test_usage_errors(
+    arguments: list[str],
+    part: str,
+    assembly_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = [text.replace("BOX", str(assembly_path)).replace("DIR", str(tmp_path)) for text in arguments]
+    assert resfit.cli.main(arguments) == 2
+    assert part in complaint(capsys)
+    assert list(tmp_path.iterdir()) == [assembly_path]
+
+
+def test_invalid_assemblies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text('{"format": "resfit-assembly", "version": 1, "primitives": []}')
+    assert resfit.cli.main(["export", str(path), str(tmp_path / "a.glb")]) == 2
+    assert complaint(capsys) == f"{path}: transform is missing"
+
+
+def test_defects_write_a_log(
+    assembly_path: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(path: object) -> Assembly:
+        raise RuntimeError("wheels\nfell off")
+
+    monkeypatch.setattr(Assembly, "load", broken)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert resfit.cli.main(["export", str(assembly_path), str(tmp_path / "a.glb")]) == 1
+    sentence = complaint(capsys)
+    assert "defect" in sentence and "wheels fell off" in sentence
+    (log,) = tmp_path.glob("resfit-*.log")
+    assert sentence.endswith(str(log)) and "Traceback" in log.read_text()
+
+
+def test_interrupt(
+    assembly_path: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(path: object) -> Assembly:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Assembly, "load", interrupted)
+    assert resfit.cli.main(["export", str(assembly_path), str(tmp_path / "a.glb")]) == 4
+    assert complaint(capsys) == "stopped."
+
+
+def test_module_runs_as_a_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "resfit", "--version"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.strip() == resfit.__version__
+    done = subprocess.run(
+        [sys.executable, "-m", "resfit", "export"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def no_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Starting VTK and a browser takes seconds; the real thing is tested with the slow tests."""
+    monkeypatch.setattr(checks, "_child", lambda code: "works")
+
+
+@pytest.mark.usefixtures("no_children")
+def test_doctor_json_is_nothing_but_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert resfit.cli.main(["doctor", "--json", "--device", "cpu"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["ok"] is True
+    found = {check["name"]: check for check in report["checks"]}
+    for name in ("python", "resfit", "devices", "kernels"):
+        assert found[name]["ok"] and found[name]["core"]
+    assert all(check["fix"] for check in report["checks"] if not check["ok"] and not check["core"])
+
+
+@pytest.mark.usefixtures("no_children")
+def test_doctor_says_when_the_core_does_not_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert resfit.cli.main(["doctor", "--device", "tpu"]) == 1
+    output = capsys.readouterr().out
+    assert "FAIL  devices" in output and "does not work" in output
+
+
+def test_children_that_crash_or_hang_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(RuntimeError, match="crashed"):
+        checks._child("import os; os.kill(os.getpid(), 11)")
+    with pytest.raises(RuntimeError, match="wheels"):
+        checks._child("raise ValueError('wheels')")
+    monkeypatch.setattr(checks, "CHILD_SECONDS", 0.2)
+    with pytest.raises(RuntimeError, match="no answer"):
+        checks._child("import time; time.sleep(9)")
+
+
+@pytest.mark.slow
+def test_doctor_with_everything(capsys: pytest.CaptureFixture[str]) -> None:
+    assert resfit.cli.main(["doctor"]) == 0
+    assert "ok  kernels" in capsys.readouterr().out
+
+
+def test_public_names() -> None:
+    for name in resfit.__all__:
+        assert getattr(resfit, name) is not None
+        assert name in dir(resfit)
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        resfit.nonsense  # type: ignore[attr-defined]  # noqa: B018
