@@ -1,7 +1,7 @@
 """Superquadric (Barr 1981), with its radial approximation of the distance: |p| (1 - 1 / G(p)).
 
 G is the degree-one gauge of the solid, 1 on its surface. The result is exact along rays through the centre and in
-sign; elsewhere it overestimates the distance of flat or pointed shapes. Its adjoint is Warp's generated one.
+sign; elsewhere it overestimates the distance of flat or pointed shapes.
 """
 
 from __future__ import annotations
@@ -32,35 +32,6 @@ BASE_SMALLEST = wp.constant(1.0e-6)
 
 
 @wp.func
-def superquadric_distance(
-    x: float,
-    y: float,
-    z: float,
-    size_x: float,
-    size_y: float,
-    size_z: float,
-    exponent_z: float,
-    exponent_xy: float,
-) -> float:
-    """The approximate distance from the bare parameters, as the generated adjoint needs it."""
-    ax = wp.abs(x) / (0.5 * wp.max(size_x, SIZE_SMALLEST))
-    ay = wp.abs(y) / (0.5 * wp.max(size_y, SIZE_SMALLEST))
-    az = wp.abs(z) / (0.5 * wp.max(size_z, SIZE_SMALLEST))
-    e1 = wp.max(exponent_z, EXPONENT_SMALLEST)
-    e2 = wp.max(exponent_xy, EXPONENT_SMALLEST)
-    # The gauge is taken at the point scaled to its largest share, so that no power overflows.
-    scale = wp.max(ax, wp.max(ay, az))
-    if scale < 1.0e-5:
-        return -0.5 * wp.max(wp.min(size_x, wp.min(size_y, size_z)), SIZE_SMALLEST)
-    ux = wp.max(ax / scale, BASE_SMALLEST)
-    uy = wp.max(ay / scale, BASE_SMALLEST)
-    uz = wp.max(az / scale, BASE_SMALLEST)
-    across = wp.max(wp.pow(ux, 2.0 / e2) + wp.pow(uy, 2.0 / e2), BASE_SMALLEST)
-    gauge = scale * wp.pow(wp.pow(across, e2 / e1) + wp.pow(uz, 2.0 / e1), 0.5 * e1)
-    return wp.sqrt(x * x + y * y + z * z) * (1.0 - 1.0 / gauge)
-
-
-@wp.func
 def derive_superquadric(rows: wp.array[float], base: int) -> Superquadric:
     """Table entry from a row: size (3), exponents (2)."""
     s = Superquadric()
@@ -76,7 +47,22 @@ def derive_superquadric(rows: wp.array[float], base: int) -> Superquadric:
 @wp.func
 def sdf_superquadric(s: Superquadric, x: float, y: float, z: float) -> float:
     """Approximate signed distance at a local point, negative inside."""
-    return superquadric_distance(x, y, z, s.size_x, s.size_y, s.size_z, s.exponent_z, s.exponent_xy)
+    ax = wp.abs(x) / (0.5 * wp.max(s.size_x, SIZE_SMALLEST))
+    ay = wp.abs(y) / (0.5 * wp.max(s.size_y, SIZE_SMALLEST))
+    az = wp.abs(z) / (0.5 * wp.max(s.size_z, SIZE_SMALLEST))
+    e1 = wp.max(s.exponent_z, EXPONENT_SMALLEST)
+    e2 = wp.max(s.exponent_xy, EXPONENT_SMALLEST)
+    # The gauge is taken at the point scaled to its largest share, so that no power overflows.
+    scale = wp.max(ax, wp.max(ay, az))
+    if scale < 1.0e-5:
+        return -0.5 * wp.max(wp.min(s.size_x, wp.min(s.size_y, s.size_z)), SIZE_SMALLEST)
+    ux = wp.max(ax / scale, BASE_SMALLEST)
+    uy = wp.max(ay / scale, BASE_SMALLEST)
+    uz = wp.max(az / scale, BASE_SMALLEST)
+    wide = wp.max(ux, uy)
+    across = wp.pow(ux / wide, 2.0 / e2) + wp.pow(uy / wide, 2.0 / e2)
+    gauge = scale * wp.pow(wp.pow(wide, 2.0 / e1) * wp.pow(across, e2 / e1) + wp.pow(uz, 2.0 / e1), 0.5 * e1)
+    return wp.sqrt(x * x + y * y + z * z) * (1.0 - 1.0 / gauge)
 
 
 @wp.func
@@ -116,8 +102,9 @@ float sdf_superquadric(vec3 p, float s[8]) {
   float scale = max(q.x, max(q.y, q.z));
   if (scale < 1e-5) return -0.5 * max(min(s[0], min(s[1], s[2])), 1e-4);
   vec3 u = max(q / scale, vec3(1e-6));
-  float across = max(pow(u.x, 2.0 / e2) + pow(u.y, 2.0 / e2), 1e-6);
-  float gauge = scale * pow(pow(across, e2 / e1) + pow(u.z, 2.0 / e1), 0.5 * e1);
+  float wide = max(u.x, u.y);
+  float across = pow(u.x / wide, 2.0 / e2) + pow(u.y / wide, 2.0 / e2);
+  float gauge = scale * pow(pow(wide, 2.0 / e1) * pow(across, e2 / e1) + pow(u.z, 2.0 / e1), 0.5 * e1);
   return length(p) * (1.0 - 1.0 / gauge);
 }
 """,

@@ -1,0 +1,118 @@
+"""Gradients through `wp.Tape` against central differences of float64 references."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from reference import union
+from resfit.kernels import launch as launching
+from resfit.kernels.adjoint import differentiable_union
+from resfit.kernels.field import evaluate_assembly
+from resfit.kernels.points import point_blocks
+from resfit.kernels.primitive_set import PrimitiveSet
+from resfit.kernels.rows import BLEND, GATE, ROW
+from scenes import random_rows
+
+MIXED = ["superfrustum", "cuboid", "superfrustum", "superprimitive", "superquadric", "superfrustum"]
+
+
+def weights_of(blocks, rng):
+    weights = np.zeros(blocks.x.shape[0], np.float32)
+    weights[: blocks.count] = rng.normal(size=blocks.count)
+    return weights
+
+
+def tape_gradient(rows, families, points, weights, device):
+    """Gradient (primitive_count, ROW) of the weighted sum of the union over the points."""
+    primitives = PrimitiveSet(rows, families, device, requires_grad=True)
+    blocks = point_blocks(points, device)
+    tape = wp.Tape()
+    field = differentiable_union(primitives, blocks, tape)
+    tape.backward(grads={field: wp.array(weights, dtype=float, device=device)})
+    return field.numpy()[: blocks.count], primitives.rows.grad.numpy().reshape(-1, ROW)
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.1])
+def test_every_entry_of_a_row(blend, device, rng):
+    """Translation, rotation, shape, blend and gate of mixed families, hard and smooth."""
+    rows = random_rows(rng, MIXED)
+    rows[:, BLEND] = blend * rng.uniform(0.5, 1.5, len(rows))
+    rows[:, GATE] = rng.uniform(0.85, 1.0, len(rows))
+    points = rng.uniform(-0.9, 0.9, (700, 3)).astype(np.float32)
+    weights = weights_of(point_blocks(points, device), rng)
+    values, found = tape_gradient(rows, MIXED, points, weights, device)
+    exact_rows, exact_points = rows.astype(np.float64), points.astype(np.float64)
+    np.testing.assert_allclose(values, union(exact_points, exact_rows, MIXED), atol=1e-5)
+    step = 1e-6
+    for k in range(len(rows)):
+        for entry in range(ROW):
+            if entry == BLEND and (k == 0 or blend == 0.0):
+                continue
+            up, down = exact_rows.copy(), exact_rows.copy()
+            up[k, entry] += step
+            down[k, entry] -= step
+            difference = (union(exact_points, up, MIXED) - union(exact_points, down, MIXED)) / (2 * step)
+            expected = float(weights[: len(points)] @ difference)
+            # Creases that a single point sits on move a sum by at most that point's weight.
+            assert found[k, entry] == pytest.approx(expected, rel=5e-3, abs=0.05), (k, entry)
+
+
+def test_first_blend_has_no_gradient(device, rng):
+    families = ["superfrustum"] * 3
+    rows = random_rows(rng, families)
+    points = rng.uniform(-1, 1, (100, 3))
+    weights = weights_of(point_blocks(points, device), rng)
+    _, found = tape_gradient(rows, families, points, weights, device)
+    assert found[0, BLEND] == 0.0
+
+
+def test_gradients_accumulate_and_chain(device, rng):
+    """Two uses on one tape add up, and a Warp kernel can follow the union."""
+    families = ["superfrustum", "cuboid"]
+    rows = random_rows(rng, families)
+    points = rng.uniform(-1, 1, (128, 3))
+    weights = np.ones(128, np.float32)
+    _, once = tape_gradient(rows, families, points, weights, device)
+    primitives = PrimitiveSet(rows, families, device, requires_grad=True)
+    blocks = point_blocks(points, device)
+    tape = wp.Tape()
+    fields = [differentiable_union(primitives, blocks, tape) for _ in range(2)]
+    tape.backward(grads={field: wp.array(weights, dtype=float, device=device) for field in fields})
+    np.testing.assert_allclose(primitives.rows.grad.numpy().reshape(-1, ROW), 2 * once, rtol=1e-5, atol=1e-5)
+
+
+def test_far_from_any_crease_one_step_descends(device, rng):
+    """A small step against the gradient of the squared field lowers it: sign and scale are right together."""
+    families = ["superfrustum"] * 4
+    rows = random_rows(rng, families)
+    points = rng.uniform(-0.9, 0.9, (2048, 3)).astype(np.float32)
+    field = evaluate_assembly(PrimitiveSet(rows, families, device), points)
+    _, gradient = tape_gradient(rows, families, points, (2 * field / len(points)).astype(np.float32), device)
+    stepped = rows - 1e-3 * gradient / np.linalg.norm(gradient)
+    after = evaluate_assembly(PrimitiveSet(stepped, families, device), points)
+    decrease = np.mean(field**2) - np.mean(after**2)
+    assert decrease == pytest.approx(1e-3 * np.linalg.norm(gradient), rel=0.1)
+
+
+def test_empty_cases(device, rng):
+    primitives = PrimitiveSet(random_rows(rng, ["cuboid"]), ["cuboid"], device, requires_grad=True)
+    tape = wp.Tape()
+    assert differentiable_union(primitives, point_blocks(np.zeros((0, 3)), device), tape).shape == (1,)
+    nothing = PrimitiveSet(np.zeros((0, ROW)), [], device, requires_grad=True)
+    field = differentiable_union(nothing, point_blocks(np.zeros((5, 3)), device), tape)
+    assert field.numpy().min() > 1e20
+
+
+def test_same_bits_on_one_core_and_two(device, rng, monkeypatch):
+    if not device.is_cpu:
+        pytest.skip("GPU launches are not split")
+    families = ["superfrustum"] * 16
+    rows = random_rows(rng, families)
+    points = rng.uniform(-1, 1, (20_000, 3))
+    weights = weights_of(point_blocks(points, device), rng)
+    results = []
+    for cores in (1, 2):
+        monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
+        results.append(tape_gradient(rows, families, points, weights, device)[1].tobytes())
+    assert results[0] == results[1]
