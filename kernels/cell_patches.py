@@ -55,9 +55,7 @@ def _face_edges(face: int) -> list[int]:
 
 FACE_CORNERS = [_face_corners(face) for face in range(FACES)]
 FACE_EDGES = [_face_edges(face) for face in range(FACES)]
-EDGE_ENDS = [
-    (_corner(edge_offsets(e)), _corner(edge_offsets(e)) | (1 << (e // 4))) for e in range(EDGES)
-]
+EDGE_ENDS = [(_corner(edge_offsets(e)), _corner(edge_offsets(e)) | (1 << (e // 4))) for e in range(EDGES)]
 
 
 @cache
@@ -102,9 +100,7 @@ def cell_patches(inside: int, joined: int) -> tuple[tuple[int, ...], int, int]:
         patch = [low if label == high else label for label in patch]
     crossed = [(inside >> a ^ inside >> b) & 1 for a, b in EDGE_ENDS]
     labels = sorted({label for label, there in zip(patch, crossed, strict=True) if there})
-    edges = tuple(
-        labels.index(label) if there else -1 for label, there in zip(patch, crossed, strict=True)
-    )
+    edges = tuple(labels.index(label) if there else -1 for label, there in zip(patch, crossed, strict=True))
     twice = 0
     for face, pairs in enumerate(links):
         if len(pairs) == 2 and edges[pairs[0][0]] == edges[pairs[1][0]]:

@@ -1,9 +1,9 @@
 """Signed distance of a mesh on the n^3 cell centres of [-1, 1]^3, without asking every cell.
 
-Blocks of cells are refined where the surface may be near, each query bounded by what its parent block
-found; cells within BAND of the surface end up with their exact distance. Every other cell measures the
-distance to the surface point that the nearest cell of the band found: never too short, and a few hundredths
-of a cell too long on average. Signs: `mesh_sign`. Not differentiable.
+Blocks of cells are refined where the surface may be near, each query bounded by what its parent block found; cells
+within BAND of the surface end up with their exact distance. Every other cell measures the distance to the surface
+point that the nearest cell of the band found: never too short, at the median 0.05 of a cell too long, in 99 of 100
+cells under 0.5, at most 1. Signs: `mesh_sign`. Not differentiable.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .cell_list import COORDINATE_LIMIT, all_blocks, flat_nonzero, split_blocks,
 from .distance_grid import nearest_true_cells
 from .launch import PLAIN_OPTIONS, launch
 from .mesh_query import MeshQuery
-from .mesh_sign import CellCounts, apply_sign, classify_cells
+from .mesh_sign import ColumnCounts, apply_sign, classify_cells
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -38,8 +38,8 @@ class MeshGrid:
     distance: wp.array
     """(n, n, n) float32, negative inside, in the mesh's unit; cell [i, j, k] is centred at (2 [i, j, k] +
     1) / n - 1."""
-    counts: CellCounts
-    """How many cells are inside, were inverted, or had to be decided by the winding number."""
+    columns: ColumnCounts
+    """What the columns of cells say: whether the mesh closes, and which way round it is."""
 
 
 def signed_distance_grid(query: MeshQuery, resolution: int) -> MeshGrid:
@@ -56,9 +56,9 @@ def signed_distance_grid(query: MeshQuery, resolution: int) -> MeshGrid:
         ValueError: if `resolution` is out of range, or no part of the mesh is near the grid.
     """
     distance = unsigned_distance_grid(query, resolution)
-    sides, counts = classify_cells(query, resolution)
-    apply_sign(sides, distance)
-    return MeshGrid(distance, counts)
+    inside, columns = classify_cells(query, resolution)
+    apply_sign(inside, distance)
+    return MeshGrid(distance, columns)
 
 
 def unsigned_distance_grid(query: MeshQuery, resolution: int) -> wp.array:

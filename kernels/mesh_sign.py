@@ -1,12 +1,11 @@
-"""Which cells of a grid are inside a mesh: signed crossings of columns, winding numbers where those disagree.
+"""Which cells of a grid are inside a mesh: signed crossings of columns; winding numbers if the mesh has holes.
 
-Faces are drawn onto the cell columns of each axis. Walking along a column, every face crossed changes the
-count of how often the mesh winds round the cell by one; inside is where the count is positive. Where a cell
-lies along an edge is decided by numbers that depend on that edge alone, so that the faces on both sides of
-an edge agree and no column slips between them: along every column of a closed mesh the crossings add up to
-zero, whatever the rounding. A column whose crossings do not has met a hole. Cells with such a column, or
-whose three axes disagree, are decided by the winding number, in blocks as large as its smoothness away from
-the surface allows. Not differentiable.
+Faces are drawn onto the cell columns of each axis. Walking along a column, every face crossed changes by one the
+count of how often the mesh winds round the cell; inside is where the count is positive. Where an edge cuts a row of
+cells is decided by numbers that depend on that edge alone, so that the faces on both of its sides agree and no
+column slips between them: along every column of a closed mesh the crossings add up to zero, whatever the rounding.
+A column where they do not has met a hole. If there is any, or the axes disagree anywhere, the winding number
+decides everywhere: `mesh_winding`. Not differentiable.
 """
 
 from __future__ import annotations
@@ -18,27 +17,34 @@ import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
 from .mesh_query import MeshQuery
-from .mesh_winding import BROKEN, INSIDE, INVERTED, NEGATIVE, OUTSIDE, POSITIVE, decide_by_winding
+from .mesh_winding import wind_cells
 
 wp.set_module_options(PLAIN_OPTIONS)
+
+POSITIVE, NEGATIVE, BROKEN = wp.constant(1), wp.constant(4), wp.constant(16)
+"""Votes of an axis, added over the three: the mesh winds round the cell once or more; backwards; the column has
+a hole."""
+
+INSIDE, OUTSIDE, INVERTED = wp.constant(3), wp.constant(0), wp.constant(12)
+"""Sums of votes on which all three axes agree."""
 
 THREADS_PER_LAUNCH = 1 << 16
 """A mesh of few, large faces is drawn by several threads a face, up to about this many in all."""
 
 
 @dataclass(frozen=True)
-class CellCounts:
-    """How the cells of a grid were decided."""
+class ColumnCounts:
+    """What the columns of three axes say about the cells of a grid; the rest is outside."""
 
     inside: int
-    """Cells inside, by whatever rule."""
+    """Cells that all axes found inside."""
     inverted: int
     """Cells that all axes found wound backwards: many of them, and the mesh is inside out."""
     doubtful: int
-    """Cells without an agreed count: 0 for closed meshes."""
+    """Cells without an agreed count: 0 for closed meshes. If any, the winding number decided, for all cells."""
 
 
-def classify_cells(query: MeshQuery, resolution: int) -> tuple[wp.array, CellCounts]:
+def classify_cells(query: MeshQuery, resolution: int) -> tuple[wp.array, ColumnCounts]:
     """Whether each cell centre of [-1, 1]^3 is inside the mesh.
 
     Args:
@@ -46,7 +52,7 @@ def classify_cells(query: MeshQuery, resolution: int) -> tuple[wp.array, CellCou
         resolution: cells along a side.
 
     Returns:
-        (n, n, n) int8, INSIDE (3) inside and otherwise another value, and how the cells were decided.
+        (n, n, n) bool, and what the columns said.
     """
     device = query.device
     votes = wp.zeros((resolution, resolution, resolution), dtype=wp.int8, device=device)
@@ -56,19 +62,19 @@ def classify_cells(query: MeshQuery, resolution: int) -> tuple[wp.array, CellCou
     for axis in range(3):
         _count_crossings(query, resolution, axis, crossings, totals)
         _add_votes(resolution, axis, crossings, totals, steps[axis], votes)
-    inside, inverted, doubtful = _count_votes(votes)
-    if doubtful:
-        decide_by_winding(query, votes, steps)
-        inside = _count_votes(votes)[0]
-    return votes, CellCounts(inside, inverted, doubtful)
+    inside = wp.empty(votes.shape, dtype=wp.bool, device=device)
+    agreed = _count_votes(votes, inside)
+    if agreed.doubtful:
+        inside = wind_cells(query, steps)
+    return inside, agreed
 
 
-def apply_sign(votes: wp.array, distance: wp.array) -> None:
+def apply_sign(inside: wp.array, distance: wp.array) -> None:
     """Negate `distance` in place in the cells inside."""
     launch(
         apply_sign_kernel,
         distance.size,
-        [votes.flatten()],
+        [inside.flatten()],
         [distance.flatten()],
         distance.device,
         seconds_per_thread=1e-9,
@@ -91,7 +97,9 @@ def _count_crossings(
     )
 
 
-def _add_votes(resolution: int, axis: int, crossings: wp.array, totals: wp.array, steps: wp.array, votes: wp.array) -> None:
+def _add_votes(
+    resolution: int, axis: int, crossings: wp.array, totals: wp.array, steps: wp.array, votes: wp.array
+) -> None:
     # On a CPU a thread walks along all columns of a plane side by side, as they lie in memory; on a GPU,
     # along one.
     lanes = resolution if votes.device.is_cpu and axis < 2 else 1
@@ -105,19 +113,18 @@ def _add_votes(resolution: int, axis: int, crossings: wp.array, totals: wp.array
     )
 
 
-def _count_votes(votes: wp.array) -> tuple[int, int, int]:
+def _count_votes(votes: wp.array, inside: wp.array) -> ColumnCounts:
     resolution = votes.shape[0]
     counts = wp.empty(resolution**2, dtype=wp.vec3i, device=votes.device)
     launch(
         count_votes_kernel,
         resolution**2,
         [votes.flatten(), resolution],
-        [counts],
+        [inside.flatten(), counts],
         votes.device,
         seconds_per_thread=resolution * 1e-9,
     )
-    inside, inverted, doubtful = counts.numpy().sum(axis=0, dtype=np.int64)
-    return int(inside), int(inverted), int(doubtful)
+    return ColumnCounts(*counts.numpy().sum(axis=0, dtype=np.int64).tolist())
 
 
 @wp.func
@@ -264,14 +271,18 @@ def count_votes_kernel(
     votes: wp.array[wp.int8],
     resolution: int,
     # outputs
+    out_inside: wp.array[wp.bool],
     out_counts: wp.array[wp.vec3i],
 ):
+    """Inside, inverted and doubtful cells of one row along z."""
     row = first + wp.tid()
     inside = wp.int32(0)
     inverted = wp.int32(0)
     doubtful = wp.int32(0)
     for j in range(resolution):
-        vote = int(votes[row * resolution + j])
+        i = row * resolution + j
+        vote = int(votes[i])
+        out_inside[i] = vote == INSIDE
         if vote == INSIDE:
             inside += 1
         elif vote == INVERTED:
@@ -284,10 +295,10 @@ def count_votes_kernel(
 @wp.kernel
 def apply_sign_kernel(
     first: int,
-    votes: wp.array[wp.int8],
+    inside: wp.array[wp.bool],
     # outputs
     out_distance: wp.array[float],
 ):
     i = first + wp.tid()
-    if int(votes[i]) == INSIDE:
+    if inside[i]:
         out_distance[i] = -out_distance[i]

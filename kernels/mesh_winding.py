@@ -1,4 +1,4 @@
-"""Inside or outside by winding numbers, for the cells of a grid whose columns met a hole.
+"""Inside or outside by winding numbers, for the cells of a grid and a mesh that does not close.
 
 Across a face the winding number jumps by one, and the crossings of columns tell where; but for these jumps it is
 harmonic, hence smooth, away from the edges of the holes. So one winding number decides a whole block of cells: the
@@ -18,13 +18,6 @@ from .mesh_query import WINDING_ACCURACY, MeshQuery, winding_number
 
 wp.set_module_options(PLAIN_OPTIONS)
 
-POSITIVE, NEGATIVE, BROKEN = wp.constant(1), wp.constant(4), wp.constant(16)
-"""Votes of an axis, added over the three: the mesh winds round the cell once or more; backwards; the column has
-a hole."""
-
-INSIDE, OUTSIDE, INVERTED = wp.constant(3), wp.constant(0), wp.constant(12)
-"""Sums of votes on which all three axes agree."""
-
 BLOCK_SIZE = 8
 """Cells along the largest block that one winding number may decide."""
 
@@ -35,27 +28,25 @@ WINDING_ERROR = wp.constant(0.02)
 """Margin for the dipoles that stand for distant parts of the mesh."""
 
 
-@wp.func
-def is_doubtful(vote: int) -> bool:
-    """Whether the three axes did not agree."""
-    return vote != INSIDE and vote != OUTSIDE and vote != INVERTED
-
-
-def decide_by_winding(query: MeshQuery, votes: wp.array, steps: list[wp.array]) -> None:
-    """Replace every doubtful vote by INSIDE or OUTSIDE.
+def wind_cells(query: MeshQuery, steps: list[wp.array]) -> wp.array:
+    """Whether the winding number exceeds 1/2 at each cell centre of [-1, 1]^3.
 
     Args:
         query: the mesh.
-        votes: (n, n, n) int8, changed in place.
         steps: for each axis (n, n, n) int8, the signed crossings between a cell and the one before it.
+
+    Returns:
+        (n, n, n) bool.
     """
     device = query.device
-    resolution = votes.shape[0]
+    shape = steps[0].shape
+    resolution = shape[0]
+    inside = wp.empty(shape, dtype=wp.bool, device=device)
     flat_steps = [step.flatten() for step in steps]
-    edges = wp.zeros(votes.shape, dtype=wp.bool, device=device)
+    edges = wp.empty(shape, dtype=wp.bool, device=device)
     launch(
         mark_edges_kernel,
-        votes.size,
+        edges.size,
         [*flat_steps, resolution],
         [edges.flatten()],
         device,
@@ -70,14 +61,13 @@ def decide_by_winding(query: MeshQuery, votes: wp.array, steps: list[wp.array]) 
             decide_blocks_kernel,
             len(blocks),
             [query.mesh.id, blocks, *flat_steps, nearest_edge.flatten(), resolution, size, WINDING_ACCURACY],
-            [votes.flatten(), undecided],
+            [inside.flatten(), undecided],
             device,
             seconds_per_thread=4e-6,
         )
         size //= 2
-        if size == 0:
-            return
         blocks = split_blocks(blocks, flat_nonzero(undecided))
+    return inside
 
 
 @wp.kernel
@@ -141,23 +131,16 @@ def decide_blocks_kernel(
     size: int,
     accuracy: float,
     # outputs
-    out_votes: wp.array[wp.int8],
+    out_inside: wp.array[wp.bool],
     out_undecided: wp.array[int],
 ):
-    """Settle the doubtful cells of a block by one winding number, or leave the block to its eighths."""
+    """Settle the cells of a block by one winding number, or leave the block to its eighths."""
     thread = first + wp.tid()
     out_undecided[thread] = 0
     low = unpack_cell(blocks[thread]) * size
     last = wp.vec3i(resolution - 1, resolution - 1, resolution - 1)
     high = wp.min(low + wp.vec3i(size - 1, size - 1, size - 1), last)
     if low[0] > high[0] or low[1] > high[1] or low[2] > high[2]:
-        return
-    doubtful = wp.bool(False)
-    for x in range(low[0], high[0] + 1):
-        for y in range(low[1], high[1] + 1):
-            for z in range(low[2], high[2] + 1):
-                doubtful = doubtful or is_doubtful(int(out_votes[(x * resolution + y) * resolution + z]))
-    if not doubtful:
         return
     middle = wp.min(low + wp.vec3i(size // 2, size // 2, size // 2), last)
     centre = (middle[0] * resolution + middle[1]) * resolution + middle[2]
@@ -187,7 +170,5 @@ def decide_blocks_kernel(
             count_y = count_x + walk(steps_y, start_x, resolution, y - middle[1])
             start_y = start_x + (y - middle[1]) * resolution
             for z in range(low[2], high[2] + 1):
-                i = start_y + z - middle[2]
-                if is_doubtful(int(out_votes[i])):
-                    count = count_y + walk(steps_z, start_y, 1, z - middle[2])
-                    out_votes[i] = wp.int8(wp.where(winding + float(count) > 0.5, INSIDE, OUTSIDE))
+                count = count_y + walk(steps_z, start_y, 1, z - middle[2])
+                out_inside[start_y + z - middle[2]] = winding + float(count) > 0.5
