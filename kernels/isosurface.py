@@ -1,0 +1,169 @@
+"""Triangle meshes of an assembly's smooth union, and of one primitive alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .bounds import assembly_bounds, local_bounds, parameter_value, rotation_matrices
+from .dual_contour import SampledField, dual_contour
+from .field import evaluate_assembly, evaluate_grid
+from .gradient import evaluate_gradient
+from .primitive_set import PrimitiveSet
+from .primitives import family
+from .rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TRANSLATION
+
+Surface = tuple[np.ndarray, np.ndarray]
+
+BORDER = 2.37
+"""Cells between the surface and the grid's border: whole ones would put symmetric surfaces onto grid points."""
+COARSE = 40
+"""Cells along the longest side of the grid that tightens loose bounds."""
+COARSE_SLOPE = 2.0
+"""How much steeper than a distance the field of bent forms is allowed to be there."""
+MAX_ENLARGEMENTS = 6
+"""Times that a grid which the surface leaves is enlarged."""
+
+PART_CELLS = 16
+"""Cells across the shortest side of a part."""
+WALL_CELLS = 2.2
+"""Cells across the thinnest wall of a part: two always find it."""
+MAX_PART_CELLS = 288
+MAX_PART_POINTS = 1.2e7
+"""Limits on the grid of a part: thinner walls than these allow get holes."""
+
+
+def extract_isosurface(
+    primitives: PrimitiveSet, resolution: int = 128, bounds: tuple[np.ndarray, np.ndarray] | None = None
+) -> Surface:
+    """Closed mesh of the smooth union, sharp edges kept.
+
+    Parts and gaps thinner than a cell may be lost; what is left is closed all the same.
+
+    Args:
+        primitives: the assembly, gates included.
+        resolution: cells along the longest side of the bounds.
+        bounds: lowest and highest corner of the surface, where they are known; enlarged where it leaves them.
+
+    Returns:
+        vertices (v, 3) float32, normalised frame, and faces (f, 3) int32, counter-clockwise seen from outside.
+    """
+    if resolution < 2:
+        raise ValueError(f"resolution is {resolution}; it must be at least 2")
+    if bounds is None:
+        lower, upper = tight_bounds(primitives)
+    else:
+        lower, upper = np.asarray(bounds[0], np.float64), np.asarray(bounds[1], np.float64)
+    if not (upper > lower).all():
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+    spacing = float((upper - lower).max()) / resolution
+    low_cells, high_cells = np.full(3, BORDER), np.full(3, BORDER)
+    for attempt in range(MAX_ENLARGEMENTS + 1):
+        origin = lower - low_cells * spacing
+        samples = _sample(primitives, origin, upper + high_cells * spacing, spacing)
+        touched = [samples.take(side, axis).min() < 0.0 for axis in range(3) for side in (0, -1)]
+        if not any(touched) or attempt == MAX_ENLARGEMENTS:
+            return _contour(primitives, samples, origin, np.full(3, spacing))
+        low_cells += np.array(touched[0::2]) * 0.25 * resolution
+        high_cells += np.array(touched[1::2]) * 0.25 * resolution
+    raise AssertionError("the last attempt returns")
+
+
+def _sample(primitives: PrimitiveSet, lower: np.ndarray, upper: np.ndarray, spacing: float) -> np.ndarray:
+    """The union at points `spacing` apart from `lower` to `upper` or just beyond."""
+    nx, ny, nz = (int(count) for count in np.ceil((upper - lower) / spacing) + 1)
+    x, y, z = (float(coordinate) for coordinate in lower)
+    return evaluate_grid(primitives, (nx, ny, nz), (x, y, z), spacing)
+
+
+def _contour(
+    primitives: PrimitiveSet, samples: np.ndarray, lower: np.ndarray, spacing: np.ndarray
+) -> Surface:
+    # Whatever still reaches the border is cut there, so that the mesh is closed in any case.
+    for axis in range(3):
+        for side in (0, -1):
+            border: list[slice | int] = [slice(None)] * 3
+            border[axis] = side
+            samples[tuple(border)] = np.maximum(samples[tuple(border)], 1e-6)
+    field = SampledField(
+        samples,
+        lower,
+        spacing,
+        lambda points: evaluate_assembly(primitives, points),
+        lambda points: evaluate_gradient(primitives, points),
+    )
+    return dual_contour(field, primitives.device)
+
+
+def tight_bounds(primitives: PrimitiveSet) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner (3,) of the union's surface, to a cell of a coarse grid.
+
+    The field may not be trusted far from it for families with an approximate one: then the parts' boxes stay.
+    """
+    lower, upper = assembly_bounds(primitives)
+    longest = float((upper - lower).max())
+    if not longest > 0.0 or any(run.family.approximate for run in primitives.runs):
+        return lower, upper
+    spacing = longest / COARSE
+    samples = _sample(primitives, lower + 0.5 * spacing, upper - 0.5 * spacing, spacing)
+    near = samples < COARSE_SLOPE * 0.5 * np.sqrt(3.0) * spacing
+    if not near.any():
+        return lower, upper
+    for axis in range(3):
+        where = np.flatnonzero(near.any(axis=tuple(other for other in range(3) if other != axis)))
+        start = lower[axis]
+        upper[axis] = min(upper[axis], start + (where[-1] + 1) * spacing)
+        lower[axis] = start + where[0] * spacing
+    return lower, upper
+
+
+def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) -> Surface:
+    """Closed mesh of one primitive alone, ungated and unblended.
+
+    It is sampled in its own frame, on a grid fitted to it and finer along its short sides, so that thin plates and
+    rods come out as well.
+
+    Args:
+        primitives: the assembly.
+        index: which primitive.
+        resolution: cells along its longest side.
+
+    Returns:
+        vertices (v, 3) float32, normalised frame, and faces (f, 3) int32, counter-clockwise seen from outside.
+    """
+    row = primitives.rows_numpy()[index : index + 1]
+    turn = rotation_matrices(row)[0]
+    centre = row[0, TRANSLATION : TRANSLATION + 3].copy()
+    row[0, TRANSLATION : TRANSLATION + 3] = 0.0
+    row[0, ROTATION : ROTATION + 4] = 1.0, 0.0, 0.0, 0.0
+    row[0, BLEND], row[0, GATE] = 0.0, 1.0
+    name = primitives.families[index]
+    alone = PrimitiveSet(row, [name], primitives.device)
+    lower, upper = local_bounds(family(name), row[0, SHAPES : SHAPES + SHAPE])
+    side = np.maximum(upper - lower, 1e-6)
+    cells = part_cells(name, row[0, SHAPES : SHAPES + SHAPE], side, resolution)
+    spacing = side / cells
+    origin = lower - BORDER * spacing
+    shape = np.ceil(cells + 2 * BORDER).astype(int) + 1
+    axes = [origin[axis] + spacing[axis] * np.arange(shape[axis]) for axis in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    samples = evaluate_assembly(alone, grid).reshape(tuple(shape))
+    vertices, faces = _contour(alone, samples, origin, spacing)
+    return (vertices @ turn.T + centre).astype(np.float32), faces
+
+
+def part_cells(name: str, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
+    """Cells (3,) along the sides of a part's box: enough for its thinnest wall, within the limits."""
+    entry = family(name)
+    size = np.maximum(shape[entry.columns("size")].astype(np.float64), 1e-6)
+    dilation = parameter_value(entry, shape, "dilation", 0.0)
+    onion = parameter_value(entry, shape, "onion", -1.0)
+    thin = size + 2.0 * dilation
+    if onion > 0.0:
+        wall = 0.5 * float(size[:2].min()) * (1.0 - onion) + 2.0 * dilation
+        thin[:2] = np.minimum(thin[:2], wall)
+    if parameter_value(entry, shape, "bulge", 0.0) != 0.0:
+        thin[[0, 2]] = thin[[0, 2]].min()
+    cells = np.clip(resolution * side / side.max(), min(PART_CELLS, resolution), resolution)
+    cells = np.clip(np.maximum(cells, WALL_CELLS * side / thin), None, max(MAX_PART_CELLS, resolution))
+    cells *= min(1.0, (MAX_PART_POINTS / float(cells.prod())) ** (1 / 3))
+    return np.maximum(np.round(cells), 2.0)
