@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import pickle
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -248,6 +249,17 @@ def test_provenance(tmp_path: Path) -> None:
     assert first.provenance.warp and first.provenance.resfit
     with pytest.raises(InputError, match="cannot read"):
         sha256_of_file(tmp_path / "missing")
+
+
+def test_bundled_lamp_is_what_saving_writes() -> None:
+    content = (files("resfit.data") / "desk_lamp.json").read_bytes()
+    with as_file(files("resfit.data") / "desk_lamp.json") as path:
+        lamp = Assembly.load(path)
+    assert lamp.to_json() == content
+    assert len(lamp.primitives) == 12
+    corners = np.array([mesh.bounds for mesh in lamp.part_meshes(16)]).reshape(-1, 3)
+    np.testing.assert_allclose(corners.min(axis=0)[2], 0.0, atol=0.5)
+    np.testing.assert_allclose(np.ptp(corners, axis=0).max(), 1.8 * lamp.transform.scale, rtol=1e-3)
 
 
 def test_a_failed_save_leaves_what_was_there(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def assembly() -> Assembly:
     return Assembly(
         (
             box("seat", (0.8, 0.6, 0.1), Pose((0.0, 0.0, 0.2), HALF), PALETTE[0]),
-            box("leg 1", (0.1, 0.1, 0.9), Pose((0.3, 0.0, -0.3)), PALETTE[1]),
+            box("leg 1", (0.1, 0.1, 0.9), Pose((0.05, 0.0, -0.3)), PALETTE[1]),
             box("nothing", (0.0, 0.0, 0.0), Pose(), PALETTE[1]),
         ),
         Transform(0.5, (1e6, -1e6, 2e6)),
@@ -93,7 +93,7 @@ def test_obj_groups_parts(assembly: Assembly, tmp_path: Path) -> None:
     corners = np.array([line.split()[1:4] for line in lines if line.startswith("v ")], np.float64)
     indices = np.array([line.split()[1:] for line in lines if line.startswith("f ")], np.int64)
     assert indices.min() == 1 and indices.max() == len(corners)
-    assert np.ptp(corners[:, 0]) == pytest.approx(0.5 * 0.4, abs=0.01)
+    assert np.ptp(corners[:, 0]) == pytest.approx(0.5 * 0.15, abs=0.002)
     assert np.abs(assembly.sdf(corners, device="cpu")).max() < 0.03
 
 

@@ -1,0 +1,40 @@
+"""A desk lamp of twelve hand-written primitives: loaded, measured, exported and rendered.
+
+    python examples/hand_written.py [FOLDER]
+
+Writes desk_lamp.glb, with one named object a part, and desk_lamp.png.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from resfit.assembly.colors import rgb
+from resfit.kernels.raytrace import render_assembly
+
+import resfit
+
+
+def main(folder: Path) -> None:
+    """Write the lamp's files to `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with as_file(files("resfit.data") / "desk_lamp.json") as path:
+        lamp = resfit.Assembly.load(path)
+
+    below_shade = lamp.transform.to_mesh([[0.6, 0.0, -0.3]])
+    distance = lamp.sdf(below_shade)[0]
+    sys.stdout.write(f"{len(lamp.primitives)} primitives; a point {distance:.1f} mm from the lamp\n")
+
+    resfit.export(lamp, folder / "desk_lamp.glb")
+    colors = np.array([rgb(primitive.color) for primitive in lamp.primitives])
+    image = render_assembly(lamp.on_device(), colors, 960, 720)
+    Image.fromarray(image).save(folder / "desk_lamp.png")
+    sys.stdout.write(f"wrote {folder / 'desk_lamp.glb'} and {folder / 'desk_lamp.png'}\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("out/demo"))
