@@ -71,9 +71,11 @@ def derive_bend(half_height: float, bulge: float) -> Bend:
 def arc_angle(across: float, along: float) -> float:
     """atan2(across, along) for across >= 0, exact enough away from along > across (there the caller has its own)."""
     size = wp.abs(along)
-    a = larger(larger(across, size), 1.0e-20)
-    r = smaller(across, size) / a
-    angle = r * atan_ratio(r * r)
+    # Written as in `straighten`, so that the compiler computes it once for both.
+    inverse = 1.0 / larger(larger(across, size), 1.0e-20)
+    r = smaller(across, size) * inverse
+    ratio = atan_ratio(r * r)
+    angle = r * ratio
     return wp.where(across > size, HALF_PI - wp.where(along < 0.0, -angle, angle), PI - angle)
 
 

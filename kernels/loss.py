@@ -9,7 +9,7 @@ from .vector_math import smaller
 
 @wp.func
 def exp_negative(x: float) -> float:
-    """exp(-x) for x >= 0, within 2e-8 absolute: a fifth-degree series of exp(-x / 32), squared five times."""
+    """exp(-x) for x >= 0, within 5e-7 absolute: a fifth-degree series of exp(-x / 32), squared five times."""
     y = smaller(x, 40.0) * (-1.0 / 32.0)
     p = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0)))))
     p = p * p

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import lzma
+from pathlib import Path
+
 import numpy as np
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
+
+
+def vectors(name: str) -> list[dict]:
+    """The specification's float64 test vectors called `name`: "superfrustum" or "smooth_union"."""
+    packed = (Path(__file__).parent / "data" / f"{name}_vectors.json.xz").read_bytes()
+    return json.loads(lzma.decompress(packed))
 
 
 def random_rotation(rng: np.random.Generator, count: int) -> np.ndarray:

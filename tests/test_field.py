@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import lzma
-from pathlib import Path
-
 import numpy as np
 import pytest
 import warp as wp
@@ -18,7 +14,7 @@ from resfit.kernels.points import grid_blocks, point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, GATE, SHAPES, empty_rows
-from scenes import random_rows
+from scenes import random_rows, vectors
 
 MIXED = ["superfrustum", "superfrustum", "cuboid", "superquadric", "superprimitive", "superfrustum", "cuboid"]
 
@@ -31,7 +27,7 @@ def cloud(rng, count=3000):
 
 def test_smooth_union_vectors(device):
     """Two spheres whose distances are a and b: the test vectors' values within 1e-6."""
-    cases = json.loads(lzma.open(Path(__file__).parent / "data" / "smooth_union_vectors.json.xz").read())
+    cases = vectors("smooth_union")
     for case in cases:
         if case["k"] < 0:
             continue

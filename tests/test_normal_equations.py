@@ -131,10 +131,10 @@ def apply_occupancy_kernel(distances: wp.array[float], beta: float, out: wp.arra
 
 @pytest.mark.parametrize("beta", [1.0, 30.0, 150.0])
 def test_occupancy_is_the_logistic_function(beta, device):
-    """Within 3e-7 of the exact value, and no overflow."""
+    """Within 5e-7 of the exact value, and no overflow."""
     distances = np.concatenate([np.linspace(-1, 1, 10001), [-1e30, -100.0, 100.0, 1e30]]).astype(np.float32)
     given = wp.array(distances, dtype=float, device=device)
     out = wp.zeros_like(given)
     wp.launch(apply_occupancy_kernel, len(distances), [given, beta], [out], device=device)
     exact = 1 / (1 + np.exp(np.clip(beta * distances.astype(np.float64), -700, 700)))
-    np.testing.assert_allclose(out.numpy(), exact, atol=3e-7)
+    np.testing.assert_allclose(out.numpy(), exact, atol=5e-7)

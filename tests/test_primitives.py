@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import lzma
-from pathlib import Path
-
 import numpy as np
 import pytest
 from reference import FIELDS, superfrustum
@@ -14,11 +10,11 @@ from resfit.kernels.jacobian import jacobian
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES, family
 from resfit.kernels.rows import ROTATION, SHAPE, SHAPES, empty_rows
-from scenes import DEGENERATE_SHAPES, random_rotation, special_points
+from scenes import DEGENERATE_SHAPES, random_rotation, special_points, vectors
 
 from resfit.errors import AssemblyError
 
-VECTORS = json.loads(lzma.open(Path(__file__).parent / "data" / "superfrustum_vectors.json.xz").read())
+VECTORS = vectors("superfrustum")
 
 
 def one(shape, device, name="superfrustum"):

@@ -1,0 +1,335 @@
+"""`resfit bench kernels`: what an evaluation costs on this machine, on one core and on all.
+
+Workloads are made here, from fixed seeds, so that two machines measure the same thing. One core is measured in CPU
+time of the launching thread, which other jobs on the machine disturb least; all cores and GPUs in wall time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import warp as wp
+
+from ..kernels import launch as launching
+from ..kernels.adjoint import SUMS, differentiable_union, weighted_sums
+from ..kernels.culling import cull, every_primitive
+from ..kernels.distance_grid import signed_distance_transform
+from ..kernels.field import cell_centres, primitives_at, union_at
+from ..kernels.gradient import union_gradient_at
+from ..kernels.mesh_grid import signed_distance_grid
+from ..kernels.mesh_query import MeshQuery
+from ..kernels.normal_equations import SYSTEM, normal_equations_at, owned_points
+from ..kernels.points import grid_blocks, point_blocks
+from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.primitives import FAMILIES
+from ..kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
+
+PRIMITIVES, POINTS = 24, 20_480
+"""The scene of the per-evaluation rows."""
+REPETITIONS = 15
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured kernel. Times are medians; `bound` is what one AVX-512 core should stay under, 0 where none is set."""
+
+    name: str
+    what: str
+    evaluations: int
+    ns_per_evaluation: float
+    milliseconds: float
+    all_cores_milliseconds: float
+    bound: float
+    bound_unit: str
+
+
+@dataclass(frozen=True)
+class Workload:
+    """Something to time: `work` launches kernels and waits for nothing but them."""
+
+    name: str
+    what: str
+    evaluations: int
+    work: Callable[[], Any]
+    bound: float = 0.0
+    bound_unit: str = "ns"
+
+
+def scene_rows(family: str, count: int = PRIMITIVES, seed: int = 0) -> np.ndarray:
+    """Rows of `count` random primitives of mixed pose and shape: tapered, bent, hollow where the family can be."""
+    rng = np.random.default_rng(seed)
+    rows = empty_rows(count)
+    rows[:, :3] = rng.uniform(-0.7, 0.7, (count, 3))
+    turns = rng.normal(size=(count, 4))
+    rows[:, ROTATION : ROTATION + 4] = turns / np.linalg.norm(turns, axis=1, keepdims=True)
+    rows[:, BLEND] = 0.05
+    entry = FAMILIES[family]
+    low, high = entry.legal_range
+    shapes = rng.uniform(low, np.minimum(high, 2.0), (count, len(low)))
+    shapes[:, :3] = rng.uniform(0.1, 0.6, (count, 3))
+    for parameter in entry.parameters:
+        if parameter.name == "dilation":
+            shapes[:, entry.columns("dilation")] = rng.uniform(0, 0.05, (count, 1))
+        if parameter.name == "exponents":
+            shapes[:, entry.columns("exponents")] = rng.uniform(0.3, 1.7, (count, 2))
+    rows[:, SHAPES:BLEND] = shapes
+    return rows
+
+
+def family_workloads(device: wp.Device) -> Iterator[Workload]:
+    """Each family forward, and value with all derivatives, weighted and summed."""
+    points = point_blocks(np.random.default_rng(1).uniform(-1, 1, (POINTS, 3)), device)
+    scene = f"{PRIMITIVES} primitives x {POINTS} points"
+    values = wp.empty(PRIMITIVES * POINTS, dtype=float, device=device)
+    weights = wp.ones(PRIMITIVES * POINTS, dtype=float, device=device)
+    sums = wp.empty(PRIMITIVES * points.block_count * SUMS, dtype=float, device=device)
+    for name in sorted(FAMILIES, key=lambda name: name != "superfrustum"):
+        primitives = PrimitiveSet(scene_rows(name), [name] * PRIMITIVES, device)
+        bounds = (3.0, 10.0) if name == "superfrustum" else (0.0, 0.0)
+
+        def forward(primitives: PrimitiveSet = primitives) -> None:
+            primitives_at(primitives, points, values)
+
+        def adjoint(primitives: PrimitiveSet = primitives) -> None:
+            weighted_sums(primitives, points, weights, sums)
+
+        yield Workload(f"{name}_forward", f"distance, {scene}", PRIMITIVES * POINTS, forward, bounds[0])
+        yield Workload(
+            f"{name}_adjoint",
+            f"distance and all derivatives, summed, {scene}",
+            PRIMITIVES * POINTS,
+            adjoint,
+            bounds[1],
+        )
+
+
+def union_workloads(device: wp.Device) -> Iterator[Workload]:
+    """The smooth union of 24 SuperFrusta in its forms; an evaluation is a point."""
+    families = ["superfrustum"] * PRIMITIVES
+    primitives = PrimitiveSet(scene_rows("superfrustum"), families, device, requires_grad=True)
+    points = point_blocks(np.random.default_rng(1).uniform(-1, 1, (POINTS, 3)), device)
+    lists = every_primitive(primitives, points)
+    field = wp.empty(POINTS, dtype=float, device=device)
+    scene = f"{PRIMITIVES} primitives, {POINTS} points"
+    yield Workload(
+        "union_dense",
+        f"smooth union, {scene}",
+        POINTS,
+        lambda: union_at(primitives, points, lists=lists, out_field=field),
+        80.0,
+    )
+    yield Workload(
+        "union_gradient",
+        f"smooth union and its gradient in space, {scene}",
+        POINTS,
+        lambda: union_gradient_at(primitives, points, lists=lists),
+    )
+
+    def tape_step() -> None:
+        tape = wp.Tape()
+        out = differentiable_union(primitives, points, tape)
+        out.grad.fill_(1.0)
+        tape.backward()
+
+    yield Workload("union_tape", f"smooth union forward and backward through wp.Tape, {scene}", POINTS, tape_step)
+    shape, lower, spacing = cell_centres(128)
+    grid = grid_blocks(shape, lower, spacing, device)
+    grid_field = wp.empty(grid.x.shape[0], dtype=float, device=device)
+    yield Workload(
+        "union_grid_128",
+        f"smooth union of {PRIMITIVES} primitives on 128^3 cell centres, culled",
+        grid.count,
+        lambda: union_at(primitives, grid, lists=cull(primitives, grid), out_field=grid_field),
+    )
+
+
+def normal_equations_workload(device: wp.Device) -> Workload:
+    """Systems of 20 primitives over 24k points, each point with one owner."""
+    rng = np.random.default_rng(2)
+    count, primitive_count = 24_000, 20
+    primitives = PrimitiveSet(
+        scene_rows("superfrustum", primitive_count), ["superfrustum"] * primitive_count, device
+    )
+    owned = owned_points(
+        rng.uniform(-1, 1, (count, 3)),
+        rng.integers(0, primitive_count, count),
+        primitive_count,
+        rng.uniform(size=count),
+        device=device,
+    )
+    partial = wp.zeros(owned.block_count * SYSTEM**2, dtype=float, device=device)
+    systems = wp.zeros(primitive_count * SYSTEM**2, dtype=float, device=device)
+    return Workload(
+        "normal_equations",
+        f"{primitive_count} systems of 15 x 15 over {count} points",
+        count,
+        lambda: normal_equations_at(primitives, owned, 30.0, partial, systems),
+        0.5,
+        "ms",
+    )
+
+
+def closed_mesh() -> tuple[np.ndarray, np.ndarray]:
+    """A closed torus with waves, 40,000 faces, in the normalised frame."""
+    mesh = trimesh.creation.torus(0.62, 0.25, major_sections=200, minor_sections=100)
+    around = np.arctan2(mesh.vertices[:, 1], mesh.vertices[:, 0])
+    vertices = mesh.vertices * (1 + 0.03 * np.sin(9 * around))[:, None]
+    return (vertices / np.abs(vertices).max() * 0.9).astype(np.float32), mesh.faces.astype(np.int32)
+
+
+def messy_mesh() -> tuple[np.ndarray, np.ndarray]:
+    """The same with a twentieth of its faces missing, so that only winding numbers tell inside from outside."""
+    vertices, faces = closed_mesh()
+    return vertices, faces[np.random.default_rng(3).uniform(size=len(faces)) > 0.05]
+
+
+def grid_workloads(device: wp.Device) -> Iterator[Workload]:
+    """Distance transform and mesh distance on 128^3 cell centres; an evaluation is a cell."""
+    cells = 128**3
+    query = MeshQuery(*closed_mesh(), device)
+    inside = wp.array(signed_distance_grid(query, 128).distance.numpy() < 0, dtype=wp.bool, device=device)
+    yield Workload(
+        "distance_transform_128",
+        "exact Euclidean transform of 128^3, both sides",
+        cells,
+        lambda: signed_distance_transform(inside),
+        100.0,
+        "ms",
+    )
+    for name, mesh, bound in (("closed", closed_mesh(), 500.0), ("messy", messy_mesh(), 1200.0)):
+        yield Workload(
+            f"mesh_distance_128_{name}",
+            f"signed distance of a {name} mesh of {len(mesh[1])} faces on 128^3, tree included",
+            cells,
+            lambda mesh=mesh: signed_distance_grid(MeshQuery(*mesh, device), 128),
+            bound,
+            "ms",
+        )
+
+
+@contextmanager
+def cores(count: int | None) -> Iterator[None]:
+    """Launch on `count` cores, or on all."""
+    before = os.environ.get("RESFIT_THREADS")
+    if count is not None:
+        os.environ["RESFIT_THREADS"] = str(count)
+    try:
+        yield
+    finally:
+        if before is not None:
+            os.environ["RESFIT_THREADS"] = before
+        elif count is not None:
+            del os.environ["RESFIT_THREADS"]
+
+
+def measure(workload: Workload, device: wp.Device) -> Row:
+    """Median times after a run that compiles; work under a millisecond is repeated inside a measurement."""
+
+    def median(clock: Callable[[], float], once: float) -> float:
+        inner = max(1, min(200, round(2e-3 / max(once, 1e-7))))
+        times = []
+        for _ in range(REPETITIONS if once < 0.05 else 5):
+            begin = clock()
+            for _ in range(inner):
+                workload.work()
+            wp.synchronize_device(device)
+            times.append((clock() - begin) / inner)
+        return statistics.median(times)
+
+    workload.work()
+    wp.synchronize_device(device)
+    begin = time.perf_counter()
+    workload.work()
+    wp.synchronize_device(device)
+    once = time.perf_counter() - begin
+    everything = median(time.perf_counter, once)
+    seconds = everything
+    if device.is_cpu:
+        with cores(1):
+            seconds = median(time.thread_time, once)
+    return Row(
+        name=workload.name,
+        what=workload.what,
+        evaluations=workload.evaluations,
+        ns_per_evaluation=round(seconds / workload.evaluations * 1e9, 3),
+        milliseconds=round(seconds * 1e3, 4),
+        all_cores_milliseconds=round(everything * 1e3, 4),
+        bound=workload.bound,
+        bound_unit=workload.bound_unit,
+    )
+
+
+def cpu_model() -> str:
+    """The processor's name and widest vector unit, as far as the system tells."""
+    info = Path("/proc/cpuinfo")
+    text = info.read_text() if info.exists() else ""
+    name = next((line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name")), "CPU")
+    vectors = next((unit for unit in ("avx512f", "avx2", "asimd", "neon") if unit in text), "unknown vectors")
+    return f"{name}, {vectors}, {launching.core_count()} cores"
+
+
+def workloads(device: wp.Device) -> Iterator[Workload]:
+    """Everything that is measured, made one after the other."""
+    yield from family_workloads(device)
+    yield from union_workloads(device)
+    yield normal_equations_workload(device)
+    yield from grid_workloads(device)
+
+
+def markdown_table(rows: list[Row], machine: str) -> str:
+    """The rows as a Markdown page."""
+    lines = [
+        "# Kernel speed",
+        "",
+        f"Written by `resfit bench kernels --markdown docs/kernels.md` on: {machine}.",
+        "Medians; one core in CPU time, all cores in wall time. The bound is for one core with AVX-512 (without: x 2.5).",
+        "",
+        "| kernel | work | ns an evaluation, one core | ms, one core | ms, all cores | bound |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        bound = f"{row.bound:g} {row.bound_unit}" if row.bound else ""
+        lines.append(
+            f"| {row.name} | {row.what} | {row.ns_per_evaluation:.2f} | {row.milliseconds:.3f} "
+            f"| {row.all_cores_milliseconds:.3f} | {bound} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | None = None) -> int:
+    """Measure all kernels and print the table, or JSON; optionally write the Markdown page.
+
+    Returns:
+        0. Bounds are shown, not enforced: a machine may simply be slower.
+    """
+    chosen = launching.choose_device(device)
+    machine = cpu_model() if chosen.is_cpu else chosen.name
+    rows = []
+    for workload in workloads(chosen):
+        rows.append(measure(workload, chosen))
+        if not as_json:
+            sys.stderr.write(f"{rows[-1].name}: {rows[-1].ns_per_evaluation:.2f} ns, {rows[-1].milliseconds:.3f} ms\n")
+    if markdown is not None:
+        markdown.write_text(markdown_table(rows, machine))
+    if as_json:
+        document = {
+            "device": chosen.alias,
+            "machine": machine,
+            "compile_seconds": round(launching.compile_seconds, 2),
+            "rows": [asdict(row) for row in rows],
+        }
+        sys.stdout.write(json.dumps(document, indent=1) + "\n")
+    else:
+        sys.stdout.write(markdown_table(rows, machine))
+    return 0
