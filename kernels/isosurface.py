@@ -1,16 +1,14 @@
-"""Triangle meshes of an assembly's smooth union, and of one primitive alone."""
+"""Triangle mesh of an assembly's smooth union."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .bounds import assembly_bounds, local_bounds, parameter_value, rotation_matrices
+from .bounds import assembly_bounds
 from .dual_contour import SampledField, dual_contour
 from .field import evaluate_assembly, evaluate_grid
 from .gradient import evaluate_gradient
 from .primitive_set import PrimitiveSet
-from .primitives import family
-from .rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TRANSLATION
 
 Surface = tuple[np.ndarray, np.ndarray]
 
@@ -22,14 +20,6 @@ COARSE_SLOPE = 2.0
 """How much steeper than a distance the field of bent forms is allowed to be there."""
 MAX_ENLARGEMENTS = 6
 """Times that a grid which the surface leaves is enlarged."""
-
-PART_CELLS = 16
-"""Cells across the shortest side of a part."""
-WALL_CELLS = 2.2
-"""Cells across the thinnest wall of a part: two always find it."""
-MAX_PART_CELLS = 288
-MAX_PART_POINTS = 1.2e7
-"""Limits on the grid of a part: thinner walls than these allow get holes."""
 
 
 def extract_isosurface(
@@ -62,7 +52,7 @@ def extract_isosurface(
         samples = _sample(primitives, origin, upper + high_cells * spacing, spacing)
         touched = [samples.take(side, axis).min() < 0.0 for axis in range(3) for side in (0, -1)]
         if not any(touched) or attempt == MAX_ENLARGEMENTS:
-            return _contour(primitives, samples, origin, np.full(3, spacing))
+            return contour_samples(primitives, samples, origin, np.full(3, spacing))
         low_cells += np.array(touched[0::2]) * 0.25 * resolution
         high_cells += np.array(touched[1::2]) * 0.25 * resolution
     raise AssertionError("the last attempt returns")
@@ -75,10 +65,13 @@ def _sample(primitives: PrimitiveSet, lower: np.ndarray, upper: np.ndarray, spac
     return evaluate_grid(primitives, (nx, ny, nz), (x, y, z), spacing)
 
 
-def _contour(
+def contour_samples(
     primitives: PrimitiveSet, samples: np.ndarray, lower: np.ndarray, spacing: np.ndarray
 ) -> Surface:
-    # Whatever still reaches the border is cut there, so that the mesh is closed in any case.
+    """Mesh of the union from its samples at the points lower + spacing * (i, j, k), normalised frame.
+
+    Whatever reaches the grid's border is cut there, so that the mesh is closed in any case.
+    """
     for axis in range(3):
         for side in (0, -1):
             border: list[slice | int] = [slice(None)] * 3
@@ -114,56 +107,3 @@ def tight_bounds(primitives: PrimitiveSet) -> tuple[np.ndarray, np.ndarray]:
         upper[axis] = min(upper[axis], start + (where[-1] + 1) * spacing)
         lower[axis] = start + where[0] * spacing
     return lower, upper
-
-
-def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) -> Surface:
-    """Closed mesh of one primitive alone, ungated and unblended.
-
-    It is sampled in its own frame, on a grid fitted to it and finer along its short sides, so that thin plates and
-    rods come out as well.
-
-    Args:
-        primitives: the assembly.
-        index: which primitive.
-        resolution: cells along its longest side.
-
-    Returns:
-        vertices (v, 3) float32, normalised frame, and faces (f, 3) int32, counter-clockwise seen from outside.
-    """
-    row = primitives.rows_numpy()[index : index + 1]
-    turn = rotation_matrices(row)[0]
-    centre = row[0, TRANSLATION : TRANSLATION + 3].copy()
-    row[0, TRANSLATION : TRANSLATION + 3] = 0.0
-    row[0, ROTATION : ROTATION + 4] = 1.0, 0.0, 0.0, 0.0
-    row[0, BLEND], row[0, GATE] = 0.0, 1.0
-    name = primitives.families[index]
-    alone = PrimitiveSet(row, [name], primitives.device)
-    lower, upper = local_bounds(family(name), row[0, SHAPES : SHAPES + SHAPE])
-    side = np.maximum(upper - lower, 1e-6)
-    cells = part_cells(name, row[0, SHAPES : SHAPES + SHAPE], side, resolution)
-    spacing = side / cells
-    origin = lower - BORDER * spacing
-    shape = np.ceil(cells + 2 * BORDER).astype(int) + 1
-    axes = [origin[axis] + spacing[axis] * np.arange(shape[axis]) for axis in range(3)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    samples = evaluate_assembly(alone, grid).reshape(tuple(shape))
-    vertices, faces = _contour(alone, samples, origin, spacing)
-    return (vertices @ turn.T + centre).astype(np.float32), faces
-
-
-def part_cells(name: str, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
-    """Cells (3,) along the sides of a part's box: enough for its thinnest wall, within the limits."""
-    entry = family(name)
-    size = np.maximum(shape[entry.columns("size")].astype(np.float64), 1e-6)
-    dilation = parameter_value(entry, shape, "dilation", 0.0)
-    onion = parameter_value(entry, shape, "onion", -1.0)
-    thin = size + 2.0 * dilation
-    if onion > 0.0:
-        wall = 0.5 * float(size[:2].min()) * (1.0 - onion) + 2.0 * dilation
-        thin[:2] = np.minimum(thin[:2], wall)
-    if parameter_value(entry, shape, "bulge", 0.0) != 0.0:
-        thin[[0, 2]] = thin[[0, 2]].min()
-    cells = np.clip(resolution * side / side.max(), min(PART_CELLS, resolution), resolution)
-    cells = np.clip(np.maximum(cells, WALL_CELLS * side / thin), None, max(MAX_PART_CELLS, resolution))
-    cells *= min(1.0, (MAX_PART_POINTS / float(cells.prod())) ** (1 / 3))
-    return np.maximum(np.round(cells), 2.0)
