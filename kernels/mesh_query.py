@@ -21,8 +21,9 @@ wp.set_module_options(PLAIN_OPTIONS)
 UNBOUNDED = 1.0e6
 """Search distance that stands for none: its square is still finite in float32."""
 
-WINDING_ACCURACY = 2.0
-"""Parts of the mesh further off than this many of their own radii count as one dipole: error below 1e-2."""
+WINDING_ACCURACY = 1.5
+"""Parts of the mesh further off than this many of their own radii count as one dipole. The winding number is then
+right to 0.015; 2 takes nearly twice as long and decides one point in a thousand near messy surfaces otherwise."""
 
 
 @dataclass(frozen=True)
