@@ -86,8 +86,8 @@ def part_surface(primitive: Primitive, resolution: int, device: str = "auto") ->
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
-    from ..kernels.isosurface import part_isosurface
     from ..kernels.launch import choose_device
+    from ..kernels.part_isosurface import part_isosurface
     from ..kernels.primitive_set import PrimitiveSet
 
     check_resolution(resolution)

@@ -13,12 +13,12 @@ import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from resfit.errors import ResfitError
+from resfit.errors import InputError, ResfitError
 
 if TYPE_CHECKING:
     from cyclopts import App
 
-DEFECT, USAGE, STOPPED = 1, 2, 4
+DEFECT, STOPPED = 1, 4
 
 
 def build_app() -> App:
@@ -48,21 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: without the program's name; None takes those of the process.
     """
-    from cyclopts import CycloptsError
-
     try:
-        code = build_app()(
-            sys.argv[1:] if arguments is None else list(arguments),
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
-        sys.stdout.flush()
-        return code if isinstance(code, int) else 0
+        return _run(sys.argv[1:] if arguments is None else list(arguments))
     except ResfitError as error:
         return _complain(str(error), error.exit_code)
-    except CycloptsError as error:
-        return _complain(f"{error} See resfit --help.", USAGE)
     except KeyboardInterrupt:
         return _complain("stopped.", STOPPED)
     except BrokenPipeError:
@@ -72,6 +61,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         sentence = f"this is a defect of resfit ({type(error).__name__}): {error}; the log is {_write_log()}"
         return _complain(sentence, DEFECT)
+
+
+def _run(arguments: list[str]) -> int:
+    from cyclopts import CycloptsError
+
+    try:
+        code = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        raise InputError(f"{error} See resfit --help.") from error
+    sys.stdout.flush()
+    return code if isinstance(code, int) else 0
 
 
 def _complain(sentence: str, code: int) -> int:

@@ -136,14 +136,11 @@ def _kernels(device: str) -> str:
 
 
 def _warm(device: str) -> str:
-    import resfit.kernels
     from resfit.kernels.launch import choose_device
+    from resfit.kernels.warm import warm_kernels
 
     begin = time.perf_counter()
-    compile_all = getattr(resfit.kernels, "warm", None)
-    if compile_all is None:
-        raise RuntimeError("this release cannot compile its kernels ahead")
-    compile_all(choose_device(device))
+    warm_kernels(choose_device(device))
     return f"every kernel is compiled; {time.perf_counter() - begin:.1f} s"
 
 
