@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from ..errors import DeviceError
+from resfit.errors import DeviceError
 
 VECTOR_FLAGS = (
     "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"

@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from dataclasses import replace
 
-from ...errors import AssemblyError
+from resfit.errors import AssemblyError
 from ..family import Family, Parameter
 
 __all__ = ["FAMILIES", "Family", "Parameter", "family"]
