@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .bounds import assembly_bounds
-from .dual_contour import SampledField, dual_contour
+from .contour_cells import SampledField
+from .dual_contour import dual_contour
 from .field import evaluate_assembly, evaluate_grid
 from .gradient import evaluate_gradient
 from .primitive_set import PrimitiveSet
