@@ -36,8 +36,7 @@ class MeshGrid:
     """Signed distances of a mesh at the centres of n^3 cells of [-1, 1]^3."""
 
     distance: wp.array
-    """(n, n, n) float32, negative inside, in the mesh's unit; cell [i, j, k] is centred at (2 [i, j, k] +
-    1) / n - 1."""
+    """(n, n, n) float32, negative inside, in the mesh's unit; cell [i, j, k] is at (2 [i, j, k] + 1) / n - 1."""
     columns: ColumnCounts
     """What the columns of cells say: whether the mesh closes, and which way round it is."""
 
@@ -45,8 +44,9 @@ class MeshGrid:
 def signed_distance_grid(query: MeshQuery, resolution: int) -> MeshGrid:
     """Signed distance on `resolution`^3 cells.
 
-    Exact (1e-6) within BAND cells of the surface. Beyond, an upper bound: see the module. The sign is exact
-    wherever the faces close; where they do not, the winding number's.
+    Exact (1e-6) within BAND cells of the surface. Beyond, an upper bound: see the module. The sign is that of the
+    winding number, rule > 1/2: exact for closed meshes, their overlaps and cavities. A mesh that is inside out has
+    nothing inside; `columns.inverted` shows it, and its caller flips the faces.
 
     Args:
         query: the mesh, inside [-1, 1]^3, its faces counter-clockwise seen from outside.
@@ -94,8 +94,7 @@ def unsigned_distance_grid(query: MeshQuery, resolution: int) -> wp.array:
 
 
 def _refine(query: MeshQuery, resolution: int) -> tuple[wp.array, wp.array, wp.array, wp.array]:
-    """Cells measured last (packed), their nearest surface points and distances, and the indices of those in
-    the band."""
+    """Cells measured last, packed, their surface points and distances, and which of them are in the band."""
     device = query.device
     blocks = all_blocks(resolution, ROOT_SIZE, device)
     kept = wp.array(np.arange(len(blocks), dtype=np.int32), dtype=int, device=device)
@@ -141,8 +140,7 @@ def measure_blocks_kernel(
     out_distance: wp.array[float],
     out_keep: wp.array[int],
 ):
-    """Nearest surface point of a block's centre; the block is kept if one of its cells may lie in the
-    band."""
+    """Nearest surface point of a block's centre; keep the block if a cell of it may lie in the band."""
     i = first + wp.tid()
     out_keep[i] = 0
     block = unpack_cell(blocks[i])

@@ -100,8 +100,7 @@ def _count_crossings(
 def _add_votes(
     resolution: int, axis: int, crossings: wp.array, totals: wp.array, steps: wp.array, votes: wp.array
 ) -> None:
-    # On a CPU a thread walks along all columns of a plane side by side, as they lie in memory; on a GPU,
-    # along one.
+    # A CPU thread walks along all columns of a plane side by side, as they lie in memory; a GPU's along one.
     lanes = resolution if votes.device.is_cpu and axis < 2 else 1
     launch(
         add_votes_kernel,
@@ -129,8 +128,7 @@ def _count_votes(votes: wp.array, inside: wp.array) -> ColumnCounts:
 
 @wp.func
 def grid_index(axis: int, column: int, row: int, depth: int, resolution: int) -> int:
-    """Flat index of the cell `depth` along `axis`, `column` along the axis after it, `row` along the
-    third."""
+    """Flat index of the cell `depth` along `axis`, `column` along the next axis, `row` along the third."""
     if axis == 0:
         return (depth * resolution + column) * resolution + row
     if axis == 1:
@@ -160,8 +158,7 @@ def project(vertex: wp.vec3, axis: int, resolution: int) -> wp.vec3:
 
 @wp.func
 def edge_at_row(low: wp.vec3, high: wp.vec3, row: float) -> wp.vec2:
-    """(column, depth) at which an edge, given from its lower end, crosses a row: the same for both of its
-    faces."""
+    """(column, depth) at which an edge, given from its lower end, crosses a row: equal for both its faces."""
     t = (row - low[1]) / (high[1] - low[1])
     return wp.vec2(low[0] + t * (high[0] - low[0]), low[2] + t * (high[2] - low[2]))
 
