@@ -9,16 +9,19 @@ import numpy.typing as npt
 
 from resfit.errors import InputError
 
-from ..kernels.rows import ROTATION, TRANSLATION
-from .primitive import Primitive
+from ..kernels.rows import GATE, ROTATION, TRANSLATION
+from .primitive import Primitive, shown
 
 if TYPE_CHECKING:
     import trimesh
 
     from .assembly import Assembly
 
-MAX_RESOLUTION = 1024
-"""Above it a grid no longer fits into memory."""
+MAX_RESOLUTION = 512
+"""A grid of twice as many cells a side takes gigabytes."""
+
+MAX_EXTENT = 1e3
+"""Normalised units: everything should lie within 1 of the origin, and no grid reaches so far."""
 
 Surface = tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]
 
@@ -33,15 +36,31 @@ def check_resolution(resolution: int) -> None:
         raise InputError(f"resolution is {resolution}; it must lie in [4, {MAX_RESOLUTION}]")
 
 
+def check_extent(primitive: Primitive) -> None:
+    """Refuse a primitive so large or so far away that no grid can hold it.
+
+    Raises:
+        InputError: if a length or coordinate of it is above MAX_EXTENT.
+    """
+    numbers = np.abs(primitive.row()[TRANSLATION:GATE])
+    if numbers.max() > MAX_EXTENT:
+        raise InputError(
+            f"part {shown(primitive.name)} has a length or coordinate of {numbers.max():g};"
+            " a surface is made only of what lies near [-1, 1], the normalised frame"
+        )
+
+
 def union_surface(assembly: Assembly, resolution: int, device: str = "auto") -> Surface:
     """The surface of the smooth union in the normalised frame: vertices (v, 3), faces (f, 3).
 
     Raises:
-        InputError: if the resolution is not in [4, MAX_RESOLUTION].
+        InputError: if the resolution is not in [4, MAX_RESOLUTION], or a part is too large for a grid.
     """
     check_resolution(resolution)
     if not assembly.primitives:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    for primitive in assembly.primitives:
+        check_extent(primitive)
     from ..kernels.isosurface import extract_isosurface
 
     vertices, faces = extract_isosurface(assembly.on_device(device), resolution)
@@ -91,6 +110,7 @@ def part_surface(primitive: Primitive, resolution: int, device: str = "auto") ->
     from ..kernels.primitive_set import PrimitiveSet
 
     check_resolution(resolution)
+    check_extent(primitive)
     row = primitive.row()
     row[TRANSLATION : TRANSLATION + 3] = 0.0
     row[ROTATION : ROTATION + 4] = (1.0, 0.0, 0.0, 0.0)

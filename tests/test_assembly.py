@@ -217,8 +217,15 @@ def test_empty_meshes() -> None:
             Assembly().to_mesh(resolution)
 
 
+@pytest.mark.parametrize("fields", [{"size": (1e30, 1, 1)}, {"dilation": 1e4}, {"pose": Pose((1e9, 0, 0))}])
+def test_parts_that_no_grid_can_hold(fields: dict[str, Any]) -> None:
+    assembly = Assembly((frustum("giant", **fields),))
+    for mesh in (assembly.to_mesh, assembly.part_meshes):
+        with pytest.raises(InputError, match='part "giant" has a length'):
+            mesh(16, "cpu")
+
+
 def test_to_mesh_lies_on_the_surface(device: wp.Device) -> None:
-    pytest.importorskip("resfit.kernels.isosurface")
     assembly = Assembly(
         (frustum(), frustum("b", (1.0, 0.2, 0.2), blend=0.1)), Transform(0.5, (1e6, 0.0, 0.0))
     )

@@ -232,6 +232,13 @@ def test_byte_order_mark_and_empty_provenance(tmp_path: Path) -> None:
     assert Assembly.load(path).provenance.options == {}
 
 
+def test_the_readme_shows_a_valid_file(tmp_path: Path) -> None:
+    readme = (Path(__file__).resolve().parent.parent / "README.md").read_text()
+    path = tmp_path / "readme.json"
+    path.write_text(readme.partition("```json\n")[2].partition("```")[0])
+    assert [primitive.name for primitive in Assembly.load(path).primitives] == ["base"]
+
+
 def test_shipped_schema_is_up_to_date() -> None:
     assert SCHEMA_PATH.read_bytes() == schema_bytes(), "run `make schema`"
 

@@ -120,7 +120,6 @@ def test_ply_keeps_its_form_far_away(assembly: Assembly, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("suffix", list(WRITERS))
 def test_merged_is_one_surface(assembly: Assembly, suffix: str, tmp_path: Path) -> None:
-    pytest.importorskip("resfit.kernels.isosurface")
     path = tmp_path / f"union{suffix}"
     near = Assembly(assembly.primitives[:2], Transform(2.0))
     export_assembly(near, path, merged=True, resolution=48, device="cpu")
