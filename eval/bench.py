@@ -29,7 +29,8 @@ from ..kernels.field import cell_centres, primitives_at, union_at
 from ..kernels.gradient import union_gradient_at
 from ..kernels.mesh_grid import signed_distance_grid
 from ..kernels.mesh_query import MeshQuery
-from ..kernels.normal_equations import SYSTEM, normal_equations_at, owned_points
+from ..kernels.normal_equations import SYSTEM, normal_equations_at
+from ..kernels.owned_points import owned_points
 from ..kernels.points import grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.primitives import FAMILIES
@@ -42,7 +43,7 @@ REPETITIONS = 15
 
 @dataclass(frozen=True)
 class Row:
-    """One measured kernel. Times are medians; `bound` is what one AVX-512 core should stay under, 0 where none is set."""
+    """One measured kernel. Times are medians; `bound` is what one AVX-512 core should stay under, 0 for none."""
 
     name: str
     what: str
@@ -136,13 +137,16 @@ def union_workloads(device: wp.Device) -> Iterator[Workload]:
         lambda: union_gradient_at(primitives, points, lists=lists),
     )
 
+    ones = wp.ones(POINTS, dtype=float, device=device)
+
     def tape_step() -> None:
         tape = wp.Tape()
         out = differentiable_union(primitives, points, tape)
-        out.grad.fill_(1.0)
-        tape.backward()
+        tape.backward(grads={out: ones})
 
-    yield Workload("union_tape", f"smooth union forward and backward through wp.Tape, {scene}", POINTS, tape_step)
+    yield Workload(
+        "union_tape", f"smooth union forward and backward through wp.Tape, {scene}", POINTS, tape_step
+    )
     shape, lower, spacing = cell_centres(128)
     grid = grid_blocks(shape, lower, spacing, device)
     grid_field = wp.empty(grid.x.shape[0], dtype=float, device=device)
@@ -165,16 +169,17 @@ def normal_equations_workload(device: wp.Device) -> Workload:
         rng.uniform(-1, 1, (count, 3)),
         rng.integers(0, primitive_count, count),
         primitive_count,
-        rng.uniform(size=count),
+        rng.uniform(-0.1, 0.1, count),
         device=device,
     )
-    partial = wp.zeros(owned.block_count * SYSTEM**2, dtype=float, device=device)
+    partial = wp.zeros(owned.pair_count * SYSTEM**2, dtype=float, device=device)
     systems = wp.zeros(primitive_count * SYSTEM**2, dtype=float, device=device)
+    betas = wp.full(primitive_count, 30.0, dtype=float, device=device)
     return Workload(
         "normal_equations",
         f"{primitive_count} systems of 15 x 15 over {count} points",
         count,
-        lambda: normal_equations_at(primitives, owned, 30.0, partial, systems),
+        lambda: normal_equations_at(primitives, owned, betas, partial, systems),
         0.5,
         "ms",
     )
@@ -274,7 +279,9 @@ def cpu_model() -> str:
     """The processor's name and widest vector unit, as far as the system tells."""
     info = Path("/proc/cpuinfo")
     text = info.read_text() if info.exists() else ""
-    name = next((line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name")), "CPU")
+    name = next(
+        (line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name")), "CPU"
+    )
     vectors = next((unit for unit in ("avx512f", "avx2", "asimd", "neon") if unit in text), "unknown vectors")
     return f"{name}, {vectors}, {launching.core_count()} cores"
 
@@ -293,7 +300,7 @@ def markdown_table(rows: list[Row], machine: str) -> str:
         "# Kernel speed",
         "",
         f"Written by `resfit bench kernels --markdown docs/kernels.md` on: {machine}.",
-        "Medians; one core in CPU time, all cores in wall time. The bound is for one core with AVX-512 (without: x 2.5).",
+        "Medians; one core in CPU time, all cores in wall time. Bounds are for one core with AVX-512 (without: x 2.5).",
         "",
         "| kernel | work | ns an evaluation, one core | ms, one core | ms, all cores | bound |",
         "|---|---|---|---|---|---|",
@@ -319,7 +326,9 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
     for workload in workloads(chosen):
         rows.append(measure(workload, chosen))
         if not as_json:
-            sys.stderr.write(f"{rows[-1].name}: {rows[-1].ns_per_evaluation:.2f} ns, {rows[-1].milliseconds:.3f} ms\n")
+            sys.stderr.write(
+                f"{rows[-1].name}: {rows[-1].ns_per_evaluation:.2f} ns, {rows[-1].milliseconds:.3f} ms\n"
+            )
     if markdown is not None:
         markdown.write_text(markdown_table(rows, machine))
     if as_json:

@@ -1,14 +1,14 @@
 """Levenberg-Marquardt normal equations of many primitives at once, each over the points that belong to it.
 
-Residual of a point with target occupancy o and weight w: w (sigmoid(-beta F) - o), where F = f + offset is the
-union at the point and f its own primitive's distance; its row is the derivative through f alone, times `slope` =
-dF/df. With offset 0 and slope 1 the primitive stands alone. A block of points has one owner, so that a thread sums
+Residual of a point with target distance d and weight w: w (sigmoid(-beta F) - sigmoid(-beta d)), where F = f + offset
+is the union at the point and f its own primitive's distance; its row is the derivative through f alone, times `slope`
+= dF/df. With offset 0 and slope 1 the primitive stands alone. A block of points has one owner, so that a thread sums
 value, gradient, residual and all products in registers: no row is stored, no atomic is needed, the order is fixed.
+Primitives may share points: many starts of one region read the same blocks.
 """
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -18,14 +18,12 @@ from .frame import Frame, to_local
 from .jacobian import TANGENT_C, jacobian_row
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .loss import occupancy
+from .owned_points import OWNER_BLOCK_C, OwnedPoints
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import TANGENT, Derivatives
 from .vector_math import clamp_symmetric, larger
 
-OWNER_BLOCK = 256
-"""Points of one owner a thread sums over. Longer blocks vectorise better, shorter ones need less padding."""
-OWNER_BLOCK_C = wp.constant(OWNER_BLOCK)
 BLOCK_SECONDS = 2.5e-6
 """One block of one owner, on one core."""
 
@@ -41,92 +39,6 @@ STEEPEST = wp.constant(16.0)
 
 ADD = "resfit.kernels.normal_equations.add"
 wp.set_module_options(PLAIN_OPTIONS, module=ADD)
-
-
-@dataclass(frozen=True)
-class OwnedPoints:
-    """Points sorted by the primitive they belong to, in blocks of OWNER_BLOCK with one owner each.
-
-    All arrays but `owners` and `first_block` are (block_count * OWNER_BLOCK,) float32; padding has weight 0.
-    """
-
-    x: wp.array
-    y: wp.array
-    z: wp.array
-    target: wp.array
-    """Occupancy in [0, 1] that the union should have."""
-    weight: wp.array
-    """Square root of the point's weight in the loss."""
-    offset: wp.array
-    """Union minus the owner's own distance."""
-    slope: wp.array
-    """Derivative of the union to the owner's own distance."""
-    owners: wp.array
-    """(block_count,) int32, ascending."""
-    first_block: wp.array
-    """(primitive_count + 1,) int32: blocks first_block[k] .. first_block[k + 1] - 1 belong to primitive k."""
-    order: np.ndarray
-    """(block_count * OWNER_BLOCK,): which of the given points stands where; -1 in the padding."""
-
-    @property
-    def block_count(self) -> int:
-        """Number of blocks."""
-        return self.owners.shape[0] if self.order.size else 0
-
-
-def owned_points(
-    points: np.ndarray,
-    owners: np.ndarray,
-    primitive_count: int,
-    target: np.ndarray,
-    weight: np.ndarray | None = None,
-    offset: np.ndarray | None = None,
-    slope: np.ndarray | None = None,
-    device: wp.Device | None = None,
-) -> OwnedPoints:
-    """Sort points by owner into padded blocks.
-
-    Args:
-        points: (n, 3), normalised frame. A point that belongs to two primitives is given twice.
-        owners: (n,) in 0 .. primitive_count - 1.
-        primitive_count: number of primitives; some may own nothing.
-        target: (n,) occupancy.
-        weight: (n,) square roots of weights, 1 by default.
-        offset, slope: (n,), 0 and 1 by default.
-        device: where the arrays go, the CPU by default.
-    """
-    owners = np.asarray(owners, np.int64)
-    counts = np.bincount(owners, minlength=primitive_count)
-    blocks = -(-counts // OWNER_BLOCK)
-    first_block = np.concatenate([[0], np.cumsum(blocks)])
-    sorted_points = np.argsort(owners, kind="stable")
-    begin = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    place = first_block[:-1][owners[sorted_points]] * OWNER_BLOCK
-    place += np.arange(len(owners)) - begin[owners[sorted_points]]
-    order = np.full(first_block[-1] * OWNER_BLOCK, -1, np.int64)
-    order[place] = sorted_points
-
-    def gather(values: np.ndarray | None, default: float) -> wp.array:
-        packed = np.zeros(max(1, len(order)), np.float32)
-        packed[place] = default if values is None else np.asarray(values, np.float32)[sorted_points]
-        return wp.array(packed, dtype=float, device=device)
-
-    points = np.asarray(points, np.float32).reshape(-1, 3)
-    block_owners = np.repeat(np.arange(primitive_count), blocks)
-    return OwnedPoints(
-        *(gather(points[:, axis], 0.0) for axis in range(3)),
-        target=gather(target, 0.0),
-        weight=gather(weight, 1.0),
-        offset=gather(offset, 0.0),
-        slope=gather(slope, 1.0),
-        owners=wp.array(
-            block_owners.astype(np.int32) if len(block_owners) else np.zeros(1, np.int32),
-            dtype=int,
-            device=device,
-        ),
-        first_block=wp.array(first_block.astype(np.int32), dtype=int, device=device),
-        order=order,
-    )
 
 
 @wp.func
@@ -153,7 +65,7 @@ def system_row(
     out = SystemRow()
     for m in range(TANGENT_C):
         out[m] = scale * row[m]
-    out[TANGENT_C] = weight * (occupied - target)
+    out[TANGENT_C] = weight * (occupied - occupancy(target, beta))
     return out
 
 
@@ -180,17 +92,19 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
         offset: wp.array[float],
         slope: wp.array[float],
         owners: wp.array[int],
+        point_blocks: wp.array[int],
         frames: wp.array[Frame],
         tables: wp.array[table],
         run: wp.vec2i,
-        beta: float,
+        betas: wp.array[float],
         # outputs
         out_systems: wp.array[float],
     ):
-        block = first + wp.tid()
-        k = owners[block]
+        pair = first + wp.tid()
+        k = owners[pair]
         if k >= run[0] and k < run[1]:
-            base = block * OWNER_BLOCK_C
+            base = point_blocks[pair] * OWNER_BLOCK_C
+            beta = betas[k]
             f = frames[k]
             s = tables[k]
             total = System()
@@ -219,7 +133,7 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
                             total[a, b] += row[a] * row[b]
             for a in range(SYSTEM_C):
                 for b in range(a, SYSTEM_C):
-                    out_systems[(block * SYSTEM_C + a) * SYSTEM_C + b] = total[a, b]
+                    out_systems[(pair * SYSTEM_C + a) * SYSTEM_C + b] = total[a, b]
 
     return sum_normal_equations_kernel
 
@@ -247,14 +161,18 @@ def add_systems_kernel(
 
 
 def normal_equations_at(
-    primitives: PrimitiveSet, points: OwnedPoints, beta: float, out_partial: wp.array, out_systems: wp.array
+    primitives: PrimitiveSet,
+    points: OwnedPoints,
+    betas: wp.array,
+    out_partial: wp.array,
+    out_systems: wp.array,
 ) -> None:
-    """Fill `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (block_count * SYSTEM^2,) is scratch."""
+    """Fill `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is scratch."""
     device = primitives.device
     for run in primitives.runs:
         launch(
             normal_equations_kernel(run.family.name),
-            points.block_count,
+            points.pair_count,
             [
                 points.x,
                 points.y,
@@ -264,10 +182,11 @@ def normal_equations_at(
                 points.offset,
                 points.slope,
                 points.owners,
+                points.point_blocks,
                 primitives.frames,
                 primitives.tables[run.family.name],
                 wp.vec2i(run.begin, run.end),
-                float(beta),
+                betas,
             ],
             [out_partial],
             device,
@@ -279,25 +198,26 @@ def normal_equations_at(
         [out_partial, points.first_block],
         [out_systems],
         device,
-        seconds_per_thread=1e-9 * points.block_count / max(1, len(primitives)),
+        seconds_per_thread=1e-9 * points.pair_count / max(1, len(primitives)),
     )
 
 
-def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float) -> np.ndarray:
+def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float | np.ndarray) -> np.ndarray:
     """One system a primitive: sums over its points of the products of (Jacobian row, residual) with itself.
 
     Args:
         primitives: the assembly.
         points: its points by owner.
-        beta: sharpness of the occupancy, per normalised unit.
+        beta: sharpness of the occupancy per normalised unit, one for all or (primitive_count,).
 
     Returns:
         (primitive_count, SYSTEM, SYSTEM) float32, symmetric: J^T J in the first TANGENT rows and columns, J^T r in
         the last column, r^T r in the corner.
     """
-    device = primitives.device
-    partial = wp.zeros(max(1, points.block_count * SYSTEM * SYSTEM), dtype=float, device=device)
-    systems = wp.zeros(max(1, len(primitives) * SYSTEM * SYSTEM), dtype=float, device=device)
-    if len(primitives):
-        normal_equations_at(primitives, points, beta, partial, systems)
-    return systems.numpy()[: len(primitives) * SYSTEM * SYSTEM].reshape(-1, SYSTEM, SYSTEM)
+    device, count = primitives.device, len(primitives)
+    partial = wp.zeros(max(1, points.pair_count * SYSTEM * SYSTEM), dtype=float, device=device)
+    systems = wp.zeros(max(1, count * SYSTEM * SYSTEM), dtype=float, device=device)
+    if count:
+        betas = wp.array(np.broadcast_to(np.float32(beta), count).copy(), dtype=float, device=device)
+        normal_equations_at(primitives, points, betas, partial, systems)
+    return systems.numpy()[: count * SYSTEM * SYSTEM].reshape(-1, SYSTEM, SYSTEM)

@@ -15,7 +15,8 @@ from .gradient import union_gradient_at
 from .jacobian import jacobian
 from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
-from .normal_equations import normal_equations, owned_points
+from .normal_equations import normal_equations
+from .owned_points import owned_points
 from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES

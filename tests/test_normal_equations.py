@@ -6,7 +6,8 @@ import warp as wp
 from reference import primitive, rotation_matrix
 from resfit.kernels import launch as launching
 from resfit.kernels.loss import occupancy
-from resfit.kernels.normal_equations import SYSTEM, normal_equations, owned_points
+from resfit.kernels.normal_equations import SYSTEM, normal_equations
+from resfit.kernels.owned_points import owned_points, shared_points
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
 from scenes import random_rows
@@ -28,36 +29,57 @@ def moved(row, increment):
 
 def residuals(row, family, points, target, weight, offset, beta):
     field = primitive(points, row, family) + offset
-    return weight * (1 / (1 + np.exp(beta * field)) - target)
+    return weight * (1 / (1 + np.exp(beta * field)) - 1 / (1 + np.exp(beta * target)))
 
 
 def test_systems_agree_with_float64(device, rng):
     rows = random_rows(rng, FAMILIES)
-    count, beta, step = 3000, 25.0, 1e-6
+    count, step = 3000, 1e-6
+    betas = rng.uniform(15.0, 40.0, len(FAMILIES))
     points = rng.uniform(-0.9, 0.9, (count, 3)).astype(np.float32)
     owners = rng.integers(0, len(FAMILIES) - 1, count)  # the last primitive owns nothing
-    target = rng.uniform(0, 1, count).astype(np.float32)
+    target = rng.uniform(-0.1, 0.1, count).astype(np.float32)
     weight = rng.uniform(0.5, 1.5, count).astype(np.float32)
     offset = rng.uniform(-0.02, 0.0, count).astype(np.float32)
     slope = rng.uniform(0.5, 1.0, count).astype(np.float32)
     primitives = PrimitiveSet(rows, FAMILIES, device)
     owned = owned_points(points, owners, len(FAMILIES), target, weight, offset, slope, device)
-    found = normal_equations(primitives, owned, beta)
+    found = normal_equations(primitives, owned, betas)
     assert found.shape == (len(FAMILIES), SYSTEM, SYSTEM)
     assert not found[-1].any()
     for k, family in enumerate(FAMILIES[:-1]):
         mine = owners == k
         given = [values[mine].astype(np.float64) for values in (points, target, weight, offset)]
-        base = residuals(rows[k].astype(np.float64), family, *given, beta)
+        base = residuals(rows[k].astype(np.float64), family, *given, betas[k])
         columns = []
         for j in range(TANGENT):
             d = step * np.eye(TANGENT)[j]
-            up = residuals(moved(rows[k], d), family, *given, beta)
-            down = residuals(moved(rows[k], -d), family, *given, beta)
+            up = residuals(moved(rows[k], d), family, *given, betas[k])
+            down = residuals(moved(rows[k], -d), family, *given, betas[k])
             columns.append(slope[mine] * (up - down) / (2 * step))
         system = np.stack([*columns, base])
         expected = system @ system.T
         np.testing.assert_allclose(found[k], expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_shared_points_equal_points_of_their_own(device, rng):
+    """Six primitives that read two regions have the systems that they would have with copies of the points."""
+    families = ["superfrustum"] * 6
+    primitives = PrimitiveSet(random_rows(rng, families), families, device)
+    points = rng.uniform(-1, 1, (1500, 3))
+    target = rng.uniform(-0.1, 0.1, 1500)
+    regions = rng.integers(0, 2, 1500)
+    readers = np.array([0, 1, 1, 0, 0, 1])
+    shared = normal_equations(
+        primitives, shared_points(points, regions, readers, target, device=device), 20.0
+    )
+    copies = [np.flatnonzero(regions == reader) for reader in readers]
+    owners = np.repeat(np.arange(6), [len(copy) for copy in copies])
+    every = np.concatenate(copies)
+    own = normal_equations(
+        primitives, owned_points(points[every], owners, 6, target[every], device=device), 20.0
+    )
+    np.testing.assert_array_equal(shared, own)
 
 
 def test_levenberg_steps_recover_a_moved_primitive(device, rng):
@@ -67,7 +89,7 @@ def test_levenberg_steps_recover_a_moved_primitive(device, rng):
     rows[0, SHAPES : SHAPES + 8] = [0.5, 0.4, 0.9, 0.5, 0.03, 0.7, 0.3, -1.0]
     points = rng.uniform(-1, 1, (6000, 3)).astype(np.float32)
     beta = 30.0
-    target = 1 / (1 + np.exp(beta * primitive(points, rows[0].astype(np.float64), family[0])))
+    target = primitive(points, rows[0].astype(np.float64), family[0])
     owned = owned_points(points, np.zeros(len(points), int), 1, target, device=device)
     row = moved(rows[0], np.array([0.05, -0.04, 0.06, 0.1, -0.1, 0.1, 0.1, 0.1, -0.1, -0.2, 0, 0.2, -0.1, 0]))
     errors = []
@@ -91,7 +113,7 @@ def test_steep_points_do_not_rule_a_system(device, rng):
     theta = 0.8 * np.pi / 2
     centre = np.array([0.4 / np.tan(theta), 0.0, 0.0]) + 1e-6 * rng.normal(size=(500, 3))
     points = centre @ rotation_matrix(rows[0, ROTATION : ROTATION + 4]).T + rows[0, :3]
-    owned = owned_points(points, np.zeros(500, int), 1, np.full(500, 0.5), device=device)
+    owned = owned_points(points, np.zeros(500, int), 1, np.zeros(500), device=device)
     found = normal_equations(PrimitiveSet(rows, ["superfrustum"], device), owned, 4.0)
     assert np.isfinite(found).all()
     assert np.abs(found).max() < 500 * 20**2
@@ -115,7 +137,9 @@ def test_same_bits_on_one_core_and_two(device, rng, monkeypatch):
     families = ["superfrustum"] * 20
     rows = random_rows(rng, families)
     points = rng.uniform(-1, 1, (60_000, 3))
-    owned = owned_points(points, rng.integers(0, 20, 60_000), 20, rng.uniform(size=60_000), device=device)
+    owned = owned_points(
+        points, rng.integers(0, 20, 60_000), 20, rng.uniform(-0.1, 0.1, 60_000), device=device
+    )
     results = []
     for cores in (1, 2):
         monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)

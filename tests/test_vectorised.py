@@ -14,7 +14,8 @@ from resfit.kernels.frame import Frame, to_local
 from resfit.kernels.gradient import union_gradient_at
 from resfit.kernels.jacobian import jacobian_kernel
 from resfit.kernels.launch import VECTOR_OPTIONS, launch
-from resfit.kernels.normal_equations import SYSTEM, normal_equations_at, owned_points
+from resfit.kernels.normal_equations import SYSTEM, normal_equations_at
+from resfit.kernels.owned_points import owned_points
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives.superfrustum import SuperFrustum, sdf_superfrustum
@@ -136,7 +137,8 @@ def test_normal_equations(scene, scalar_gradient):
     owned = owned_points(
         points, np.arange(POINTS) % PRIMITIVES, PRIMITIVES, np.zeros(POINTS), device=primitives.device
     )
-    partial = wp.zeros(owned.block_count * SYSTEM**2, dtype=float, device=primitives.device)
+    partial = wp.zeros(owned.pair_count * SYSTEM**2, dtype=float, device=primitives.device)
     systems = wp.zeros(PRIMITIVES * SYSTEM**2, dtype=float, device=primitives.device)
-    each = cpu_seconds(lambda: normal_equations_at(primitives, owned, 30.0, partial, systems)) / POINTS
+    betas = wp.full(PRIMITIVES, 30.0, dtype=float, device=primitives.device)
+    each = cpu_seconds(lambda: normal_equations_at(primitives, owned, betas, partial, systems)) / POINTS
     assert each < scalar_gradient / 1.5

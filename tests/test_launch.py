@@ -1,0 +1,65 @@
+"""Device choice, quiet start, and launches split over the cores."""
+
+# No postponed annotations here: Warp reads the kernels' own.
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import warp as wp
+from resfit.kernels import launch as launching
+from resfit.kernels import warm
+
+from resfit.errors import DeviceError
+
+MODULE = "resfit.tests.launch"
+wp.set_module_options(launching.PLAIN_OPTIONS, module=MODULE)
+
+
+@wp.kernel(module=MODULE)
+def write_index_kernel(first: int, scale: int, out: wp.array[int]):
+    """Each thread writes its own index, so that a gap or an overlap shows."""
+    t = first + wp.tid()
+    out[t] = out[t] + scale * t + 1
+
+
+@pytest.mark.parametrize("cores", [1, 2, 3, 7])
+@pytest.mark.parametrize("count", [0, 1, 2, 5, 1000])
+def test_every_thread_runs_once(cores, count, device, monkeypatch):
+    monkeypatch.setattr(launching, "core_count", lambda: cores)
+    out = wp.zeros(1000, dtype=int, device=device)
+    launching.launch(write_index_kernel, count, [3], [out], device, seconds_per_thread=1.0)
+    expected = np.zeros(1000, int)
+    expected[:count] = 3 * np.arange(count) + 1
+    np.testing.assert_array_equal(out.numpy(), expected)
+
+
+def test_an_error_in_a_split_launch_is_raised(device, monkeypatch):
+    monkeypatch.setattr(launching, "core_count", lambda: 2)
+    with pytest.raises(Exception, match=r"[Aa]rgument|array|type"):
+        launching.launch(write_index_kernel, 10, [3], ["no array"], device, seconds_per_thread=1.0)
+
+
+def test_unknown_device_names_those_present():
+    with pytest.raises(DeviceError, match=r"'cuda:97' is not available here; present: cpu"):
+        launching.choose_device("cuda:97")
+
+
+def test_core_count_follows_the_environment(monkeypatch):
+    monkeypatch.setenv("RESFIT_THREADS", "3")
+    assert launching.core_count() == 3
+    monkeypatch.setenv("RESFIT_THREADS", "none")
+    assert launching.core_count() >= 1
+
+
+def test_start_is_silent():
+    """Nothing on stdout or stderr when Warp starts: JSON goes to stdout."""
+    code = "from resfit.kernels.launch import choose_device; choose_device()"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "" and run.stderr == ""
+
+
+def test_warm_compiles_everything_once(device):
+    warm(device)
+    assert warm(device) < 5.0
