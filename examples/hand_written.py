@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from resfit.assembly.colors import rgb
+from resfit.kernels.camera import frame_bounds
+from resfit.kernels.isosurface import tight_bounds
 from resfit.kernels.raytrace import render_assembly
 
 import resfit
@@ -31,7 +33,9 @@ def main(folder: Path) -> None:
 
     resfit.export(lamp, folder / "desk_lamp.glb")
     colors = np.array([rgb(primitive.color) for primitive in lamp.primitives])
-    image = render_assembly(lamp.on_device(), colors, 960, 720)
+    primitives = lamp.on_device()
+    camera = frame_bounds(*tight_bounds(primitives), up="z", azimuth=25.0, elevation=14.0)
+    image = render_assembly(primitives, colors, camera, 960, 720)
     Image.fromarray(image).save(folder / "desk_lamp.png")
     sys.stdout.write(f"wrote {folder / 'desk_lamp.glb'} and {folder / 'desk_lamp.png'}\n")
 

@@ -22,7 +22,7 @@ from ..assembly.surface import part_surface, union_surface
 if TYPE_CHECKING:
     from ..assembly.assembly import Assembly
 
-FLOAT, UNSIGNED_INT = 5126, 5125
+FLOAT, UNSIGNED_INT, UNSIGNED_SHORT = 5126, 5125, 5123
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
@@ -42,6 +42,8 @@ class GlbBuilder:
 
     def add_array(self, array: npt.NDArray[Any], target: int, component: int, kind: str, **extra: Any) -> int:
         """Append an array to the binary chunk and return its accessor."""
+        # Accessors begin at multiples of four.
+        self._binary += bytes(-len(self._binary) % 4)
         view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": array.nbytes, "target": target}
         self._binary += array.tobytes()
         accessor = {"bufferView": self.add("bufferViews", view), "componentType": component, "type": kind}
@@ -81,10 +83,12 @@ class GlbBuilder:
             attributes["COLOR_0"] = self.add_array(
                 np.ascontiguousarray(colors, "<f4"), ARRAY_BUFFER, FLOAT, "VEC3"
             )
-        indices = np.ascontiguousarray(faces.ravel(), "<u4")
+        short = len(positions) < 65535
+        indices = np.ascontiguousarray(faces.ravel(), "<u2" if short else "<u4")
+        width = UNSIGNED_SHORT if short else UNSIGNED_INT
         part = {
             "attributes": attributes,
-            "indices": self.add_array(indices, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, "SCALAR"),
+            "indices": self.add_array(indices, ELEMENT_ARRAY_BUFFER, width, "SCALAR"),
             "material": material,
         }
         return self.add("meshes", {"name": name, "primitives": [part]})

@@ -18,7 +18,7 @@ from .glb import glb_of_parts, glb_of_union
 if TYPE_CHECKING:
     from ..assembly.assembly import Assembly
 
-PART_RESOLUTION, UNION_RESOLUTION = 40, 128
+PART_RESOLUTION, UNION_RESOLUTION = 32, 128
 """Cells along the longest side of a part, or of the scene, where nothing is asked for."""
 
 

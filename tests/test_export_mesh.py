@@ -82,7 +82,7 @@ def test_glb_is_where_the_mesh_is(assembly: Assembly, tmp_path: Path) -> None:
     np.testing.assert_allclose(matrix[:3, 3], [1e6, -1e6, 2e6 + 0.1], atol=1e-6)
     vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
     distance = assembly.primitive_sdf(vertices, device="cpu")[:, 0]
-    assert np.abs(distance).max() < 0.5 * 0.8 / 40
+    assert np.abs(distance).max() < 0.5 * 0.8 / 32
 
 
 def test_obj_groups_parts(assembly: Assembly, tmp_path: Path) -> None:

@@ -147,10 +147,12 @@ def _warm(device: str) -> str:
 def _ray_tracer(device: str) -> str:
     import numpy as np
 
+    from resfit.kernels.camera import Camera
     from resfit.kernels.raytrace import render_assembly
 
     assembly = _box()
-    image = render_assembly(assembly.on_device(device), np.array([[1.0, 0.5, 0.2]]), 32, 32)
+    camera = Camera((2.0, 3.0, 4.0))
+    image = render_assembly(assembly.on_device(device), np.array([[1.0, 0.5, 0.2]]), camera, 32, 32)
     if not float(np.std(image)) > 1.0:
         raise RuntimeError("the picture is empty")
     return "a picture was rendered without OpenGL"
