@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+
+import resfit
 from resfit.assembly.colors import rgb
 from resfit.kernels.camera import frame_bounds
 from resfit.kernels.isosurface import tight_bounds
 from resfit.kernels.raytrace import render_assembly
-
-import resfit
 
 
 def main(folder: Path) -> None:

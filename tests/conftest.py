@@ -17,6 +17,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return
     # Imported here because tests that touch no kernel (documents, the architecture) need not wait for Warp.
     import warp
+
     from resfit.kernels.launch import start
 
     start()

@@ -7,6 +7,7 @@ import lzma
 from pathlib import Path
 
 import numpy as np
+
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
 
@@ -65,7 +66,7 @@ DEGENERATE_SHAPES += [
 
 
 def special_points(shape: tuple[float, ...]) -> np.ndarray:
-    """Local points (n, 3) where the formulas are delicate: centre, axes, corners, faces, the arc's centre and behind."""
+    """Local points (n, 3) where the formulas are delicate: centre, axes, corners, faces, the arc centre, behind it."""
     size = np.array(shape[:3]) / 2
     signs = np.array(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1])).reshape(3, -1).T
     points = [signs * size, signs * 0.5 * size, signs * 1.5 * size, signs * 1.0]

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import warp as wp
 from reference import union
+from scenes import random_rows
+
 from resfit.kernels import launch as launching
 from resfit.kernels.adjoint import differentiable_union
 from resfit.kernels.field import evaluate_assembly
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import BLEND, GATE, ROW
-from scenes import random_rows
 
 MIXED = ["superfrustum", "cuboid", "superfrustum", "superprimitive", "superquadric", "superfrustum"]
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.colors import PALETTE, linear_rgb, palette_color, rgb
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.provenance import Provenance, sha256_of_file
 from resfit.assembly.transform import Transform
+from resfit.errors import AssemblyError, InputError
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import ROW
-
-from resfit.errors import AssemblyError, InputError
 
 QUARTER = float(np.sqrt(0.5))
 

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from resfit.assembly.assembly import Assembly
-from resfit.assembly.primitive import Pose, Primitive
 
 import resfit.cli
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.primitive import Pose, Primitive
 from resfit.cli import checks
 
 

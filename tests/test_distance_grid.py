@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from resfit.kernels import distance_grid
 from scipy import ndimage
+
+from resfit.kernels import distance_grid
 
 SHAPES = [(1, 1, 1), (5, 7, 9), (33, 17, 64), (64, 64, 64), (40, 40, 3), (3, 100, 70), (2, 33, 1), (1, 1, 50)]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.document import MAX_BYTES, MAX_PRIMITIVES
 from resfit.assembly.schema import SCHEMA_PATH, assembly_schema, schema_bytes
-from resfit.kernels.primitives import FAMILIES
-
 from resfit.errors import AssemblyError
+from resfit.kernels.primitives import FAMILIES
 
 
 def good_document() -> dict[str, Any]:

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+
+import resfit
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.colors import PALETTE
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
-from resfit.export.by_suffix import WRITERS, export_assembly
-
-import resfit
 from resfit.errors import InputError
+from resfit.export.by_suffix import WRITERS, export_assembly
 
 HALF = (0.5, 0.5, 0.5, 0.5)
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 from reference import primitive, union
+from scenes import random_rows, vectors
+
 from resfit.kernels import launch as launching
 from resfit.kernels.culling import active_lists, cull, every_primitive
 from resfit.kernels.field import cell_centres, evaluate_assembly, evaluate_grid, evaluate_primitives, union_at
@@ -14,7 +16,6 @@ from resfit.kernels.points import grid_blocks, point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, GATE, SHAPES, empty_rows
-from scenes import random_rows, vectors
 
 MIXED = ["superfrustum", "superfrustum", "cuboid", "superquadric", "superprimitive", "superfrustum", "cuboid"]
 

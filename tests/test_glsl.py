@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+
 from resfit.kernels.field import evaluate_primitives
 from resfit.kernels.launch import choose_device
 from resfit.kernels.primitive_set import PrimitiveSet

@@ -8,10 +8,10 @@ import sys
 import numpy as np
 import pytest
 import warp as wp
-from resfit.kernels import launch as launching
-from resfit.kernels import warm
 
 from resfit.errors import DeviceError
+from resfit.kernels import launch as launching
+from resfit.kernels.warm import warm_kernels
 
 MODULE = "resfit.tests.launch"
 wp.set_module_options(launching.PLAIN_OPTIONS, module=MODULE)
@@ -61,5 +61,5 @@ def test_start_is_silent():
 
 
 def test_warm_compiles_everything_once(device):
-    warm(device)
-    assert warm(device) < 5.0
+    warm_kernels(device)
+    assert warm_kernels(device) < 5.0

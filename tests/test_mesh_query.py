@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from trimesh import creation
+
 from resfit.kernels.mesh_grid import BAND, signed_distance_grid
 from resfit.kernels.mesh_query import MeshQuery
-from trimesh import creation
 
 RESOLUTION = 32
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import warp as wp
 from reference import primitive, rotation_matrix
+from scenes import random_rows
+
 from resfit.kernels import launch as launching
 from resfit.kernels.loss import occupancy
 from resfit.kernels.normal_equations import SYSTEM, normal_equations
 from resfit.kernels.owned_points import owned_points, shared_points
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
-from scenes import random_rows
 
 FAMILIES = ["superfrustum", "superfrustum", "cuboid", "superprimitive", "superquadric"]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reference import FIELDS, superfrustum
+from scenes import DEGENERATE_SHAPES, random_rotation, special_points, vectors
+
+from resfit.errors import AssemblyError
 from resfit.kernels.field import evaluate_primitives
 from resfit.kernels.jacobian import jacobian
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES, family
 from resfit.kernels.rows import ROTATION, SHAPE, SHAPES, empty_rows
-from scenes import DEGENERATE_SHAPES, random_rotation, special_points, vectors
-
-from resfit.errors import AssemblyError
 
 VECTORS = vectors("superfrustum")
 

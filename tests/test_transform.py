@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from resfit.assembly.transform import NORMALISED_SIDE, Transform, as_points
 
+from resfit.assembly.transform import NORMALISED_SIDE, Transform, as_points
 from resfit.errors import AssemblyError, InputError
 
 

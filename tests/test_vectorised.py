@@ -7,6 +7,8 @@ import time
 import numpy as np
 import pytest
 import warp as wp
+from scenes import random_rows
+
 from resfit.kernels.adjoint import SUMS, weighted_sums
 from resfit.kernels.culling import every_primitive
 from resfit.kernels.field import primitives_at, union_at
@@ -19,7 +21,6 @@ from resfit.kernels.owned_points import owned_points
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives.superfrustum import SuperFrustum, sdf_superfrustum
-from scenes import random_rows
 
 PRIMITIVES, POINTS = 8, 16_384
 SCALAR_MODULE = "resfit.tests.scalar_twin"

@@ -11,6 +11,7 @@ import pkgutil
 from dataclasses import replace
 
 from resfit.errors import AssemblyError
+
 from ..family import Family, Parameter
 
 __all__ = ["FAMILIES", "Family", "Parameter", "family"]
