@@ -52,6 +52,15 @@ def local_bounds(entry: Family, shape: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return low - dilation, high + dilation
 
 
+def has_bent(primitives: PrimitiveSet) -> bool:
+    """Whether a primitive is bent enough for its field to be steeper than a distance."""
+    rows = primitives.rows_numpy()
+    return any(
+        abs(parameter_value(family(name), row[SHAPES : SHAPES + SHAPE], "bulge", 0.0)) > 1e-3
+        for name, row in zip(primitives.families, rows, strict=True)
+    )
+
+
 def rotation_matrices(rows: np.ndarray) -> np.ndarray:
     """Local-to-world rotations (primitive_count, 3, 3) of rows (primitive_count, ROW)."""
     quaternion = rows[:, ROTATION : ROTATION + 4].astype(np.float64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bounds import assembly_bounds
+from .bounds import assembly_bounds, has_bent
 from .contour_cells import SampledField
 from .dual_contour import dual_contour
 from .field import evaluate_assembly, evaluate_grid
@@ -15,10 +15,10 @@ Surface = tuple[np.ndarray, np.ndarray]
 
 BORDER = 2.37
 """Cells between the surface and the grid's border: whole ones would put symmetric surfaces onto grid points."""
-COARSE = 40
-"""Cells along the longest side of the grid that tightens loose bounds."""
-COARSE_SLOPE = 2.0
-"""How much steeper than a distance the field of bent forms is allowed to be there."""
+COARSE = (32, 48)
+"""Cells along the longest side of the grids that tighten loose bounds, one after the other."""
+BENT_SLOPE = 2.0
+"""How much steeper than a distance the field of bent forms is taken to be there."""
 MAX_ENLARGEMENTS = 6
 """Times that a grid which the surface leaves is enlarged."""
 
@@ -94,17 +94,18 @@ def tight_bounds(primitives: PrimitiveSet) -> tuple[np.ndarray, np.ndarray]:
     The field may not be trusted far from it for families with an approximate one: then the parts' boxes stay.
     """
     lower, upper = assembly_bounds(primitives)
-    longest = float((upper - lower).max())
-    if not longest > 0.0 or any(run.family.approximate for run in primitives.runs):
+    if not (upper > lower).all() or any(run.family.approximate for run in primitives.runs):
         return lower, upper
-    spacing = longest / COARSE
-    samples = _sample(primitives, lower + 0.5 * spacing, upper - 0.5 * spacing, spacing)
-    near = samples < COARSE_SLOPE * 0.5 * np.sqrt(3.0) * spacing
-    if not near.any():
-        return lower, upper
-    for axis in range(3):
-        where = np.flatnonzero(near.any(axis=tuple(other for other in range(3) if other != axis)))
-        start = lower[axis]
-        upper[axis] = min(upper[axis], start + (where[-1] + 1) * spacing)
-        lower[axis] = start + where[0] * spacing
+    slope = BENT_SLOPE if has_bent(primitives) else 1.0
+    for cells in COARSE:
+        spacing = float((upper - lower).max()) / cells
+        samples = _sample(primitives, lower + 0.5 * spacing, upper + 0.5 * spacing, spacing)
+        near = samples < slope * 0.5 * np.sqrt(3.0) * spacing
+        if not near.any():
+            break
+        start, end = lower.copy(), upper
+        for axis in range(3):
+            where = np.flatnonzero(near.any(axis=tuple(other for other in range(3) if other != axis)))
+            lower[axis] = start[axis] + where[0] * spacing
+            upper[axis] = min(end[axis], start[axis] + (where[-1] + 1) * spacing)
     return lower, upper
