@@ -32,8 +32,9 @@ sums may be reassociated (they vectorise only then). `-ffast-math` gains nothing
 VECTOR_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": VECTOR_FLAGS}
 """Module options of every kernel that loops over a block of points; its adjoint, where it has one, is a kernel too."""
 
-PLAIN_OPTIONS = {"enable_backward": False}
-"""Module options of kernels without such a loop (queries, scans)."""
+PLAIN_OPTIONS = VECTOR_OPTIONS
+"""Module options of kernels without such a loop (queries, scans). The same flags on purpose: the compiler's
+precompiled header is made once for each set of flags, which takes as long as several modules."""
 
 SPLIT_SECONDS = 1.5e-4
 """A launch shorter than this loses more by the hand-over to a second thread (about 15 us) than it gains."""
