@@ -1,0 +1,1 @@
+"""Regions to assembly: propose, select by gain, refine, prune, round by round."""

@@ -1,0 +1,124 @@
+"""What steers a fit. Stage settings sit here in one place because presets change several of them together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from resfit.errors import InputError
+
+from ..kernels.primitives import FAMILIES
+
+Preset = Literal["fast", "balanced", "best"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposeConfig:
+    """Candidate fits of one round."""
+
+    regions: int = 48
+    """Most regions tried in a round."""
+    points: int = 512
+    """Sample points a region is fitted to."""
+    keep: tuple[int, int] = (8, 2)
+    """Starts kept a region after the first and the second stage of fitting."""
+    iterations: tuple[int, int, int] = (7, 8, 12)
+    """Levenberg steps of the three stages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelectConfig:
+    """Greedy forward selection."""
+
+    false_volume: float = 1.5
+    """Weight of volume outside the target while choosing: additive parts can never take it back."""
+    beam: int = 4
+    """First picks that are followed up side by side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefineConfig:
+    """Joint refinement of all primitives."""
+
+    iterations: int = 24
+    """Levenberg steps a round."""
+    overlap: float = 0.1
+    """Weight of the rows that push a second primitive out of a covered point."""
+    betas: tuple[float, float] = (30.0, 150.0)
+    """Sharpness of the occupancy at the start and end, per normalised unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig:
+    """All options of a fit; `preset_config` makes one from a preset's name."""
+
+    preset: Preset = "balanced"
+    device: str = "auto"
+    seed: int = 0
+    primitive: str = "superfrustum"
+    """Family that is fitted."""
+    union: Literal["smooth", "hard"] = "smooth"
+    max_primitives: int = 64
+    target_iou: float = 1.0
+    """Stop once the 128^3 IoU reaches this."""
+    tolerance: float = 0.0
+    """Stop once the 95th percentile of the two-sided surface distance is below this, in the mesh's units; 0 is off."""
+    timeout: float = 0.0
+    """Seconds after which the best so far is returned; 0 is off."""
+    rounds: int = 10
+    parsimony: float = 1e-3
+    """Objective that a primitive must bring (alpha)."""
+    resolution: int = 128
+    samples: int = 16_384
+    """Points near the surface, and as many in the volume, that the objective is measured on."""
+    propose: ProposeConfig = ProposeConfig()
+    select: SelectConfig = SelectConfig()
+    refine: RefineConfig = RefineConfig()
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that makes no sense, naming the option."""
+        if self.primitive not in FAMILIES:
+            raise InputError(f"--primitive {self.primitive}: there is no such family; choose {', '.join(FAMILIES)}.")
+        checks = {
+            "max_primitives": (self.max_primitives >= 1, "at least 1"),
+            "target_iou": (0 < self.target_iou <= 1, "above 0 and at most 1"),
+            "tolerance": (self.tolerance >= 0, "at least 0"),
+            "timeout": (self.timeout >= 0, "at least 0"),
+            "rounds": (1 <= self.rounds <= 100, "between 1 and 100"),
+            "parsimony": (0 <= self.parsimony < 1, "at least 0 and below 1"),
+            "seed": (self.seed >= 0, "at least 0"),
+        }
+        for name, (holds, wanted) in checks.items():
+            if not holds:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} {getattr(self, name)} is out of range; it must be {wanted}.")
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "fast": {
+        "rounds": 2,
+        "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
+        "refine": RefineConfig(iterations=14),
+        "samples": 8192,
+    },
+    "balanced": {},
+    "best": {
+        "propose": ProposeConfig(regions=96, points=1024, keep=(10, 3), iterations=(8, 10, 16)),
+        "select": SelectConfig(beam=8),
+        "refine": RefineConfig(iterations=48),
+        "samples": 32_768,
+        "rounds": 16,
+    },
+}
+
+
+def preset_config(preset: str = "balanced", **options: Any) -> FitConfig:
+    """The configuration of a preset with the given options changed; None leaves an option as the preset has it.
+
+    Raises:
+        InputError: for an unknown preset or a value out of range.
+    """
+    if preset not in PRESETS:
+        raise InputError(f"--preset {preset}: there is no such preset; choose {', '.join(PRESETS)}.")
+    given = {name: value for name, value in options.items() if value is not None}
+    return replace(FitConfig(preset=preset, **PRESETS[preset]), **given)  # type: ignore[arg-type]

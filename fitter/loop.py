@@ -1,0 +1,296 @@
+"""Residual Primitive Fitting: decompose what is unexplained, propose, select, refine, prune, and again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import warp as wp
+
+from ..decomposition.propose import propose_regions
+from ..kernels.field import cell_centres, union_at
+from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
+from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.rows import BLEND, ROW, SHAPES
+from ..target.target import Target
+from .assess import choose_blends, score_values, values_at
+from .config import FitConfig
+from .objective import ObjectiveSamples, Score, Tally
+from .outcome import Outcome, Round, Status
+from .propose import fit_regions
+from .refine import refine
+from .select import prune, select
+
+SATURATION = 5e-4
+"""A round that raises the objective by less than this is the last."""
+
+STARTING_BLEND = 0.02
+"""Blend radius of new primitives while they are refined; the last step chooses one for each."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a fit is, for whoever shows it."""
+
+    stage: str
+    round: int
+    rounds: int
+    primitive_count: int
+    objective: float
+    iou: float
+    fraction: float
+    """Rough share of the work done, 0 to 1."""
+
+
+class Fit:
+    """One fit in progress: the target, what does not change between rounds, and the best so far."""
+
+    def __init__(
+        self,
+        target: Target,
+        config: FitConfig,
+        device: wp.Device,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] = lambda: False,
+        start_rows: np.ndarray | None = None,
+    ):
+        self.target, self.config, self.device = target, config, device
+        self.on_progress = on_progress or (lambda progress: None)
+        self.interrupted = should_stop
+        self.begin = time.perf_counter()
+        self.samples = objective_samples(target)
+        self.blocks: PointBlocks = point_blocks(self.samples.points, device)
+        self.tally = Tally(self.samples)
+        shape, lower, spacing = cell_centres(target.resolution)
+        self.grid_shape = shape
+        self.grid_points = grid_blocks(shape, lower, spacing, device)
+        self.rounds: list[Round] = []
+        self.timings: dict[str, float] = {}
+        self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
+        self.score = self.assess(self.rows)
+        self.iou = 0.0
+        self.field: np.ndarray | None = None
+        if len(self.rows):
+            self.look()
+
+    # What everything below asks -----------------------------------------------------------------------------------
+
+    def families(self, rows: np.ndarray) -> list[str]:
+        """The family of each row."""
+        return [self.config.primitive] * len(rows)
+
+    def values(self, rows: np.ndarray) -> np.ndarray:
+        """Distances (primitive_count, n) at the samples."""
+        return values_at(rows, self.families(rows), self.blocks, self.device)
+
+    def assess(self, rows: np.ndarray) -> Score:
+        """The objective of rows as they are, blends included."""
+        return score_values(self.values(rows), rows[:, BLEND], self.tally, self.config.parsimony)
+
+    def look(self) -> None:
+        """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU."""
+        with self.timed("field"):
+            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
+            self.field = from_grid_blocks(union_at(primitives, self.grid_points).numpy(), self.grid_shape)
+            inside, held = self.target.grid < 0, self.field < 0
+            self.iou = float((inside & held).sum() / max(1, (inside | held).sum()))
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the wall time of a block to its stage."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.timings[stage] = self.timings.get(stage, 0.0) + time.perf_counter() - begin
+
+    def out_of_time(self) -> bool:
+        """Whether the time-out has passed."""
+        return 0 < self.config.timeout < time.perf_counter() - self.begin
+
+    def should_stop(self) -> bool:
+        """Whether to return the best so far at once."""
+        return self.interrupted() or self.out_of_time()
+
+    def tell(self, stage: str, number: int, within: float) -> None:
+        """Report progress: `within` is the share of the round that is done."""
+        rounds = self.config.rounds
+        # Most fits saturate early: the share is that of a fit of half the allowed rounds, approached smoothly.
+        done = 1.0 - 0.5 ** ((number + within) / max(1.0, 0.3 * rounds))
+        self.on_progress(
+            Progress(stage, number + 1, rounds, len(self.rows), self.score.objective, self.iou, done)
+        )
+
+    # The rounds ---------------------------------------------------------------------------------------------------
+
+    def run(self) -> Outcome:
+        """All rounds, then the blends and a last refinement."""
+        status = Status.ROUNDS
+        for number in range(self.config.rounds):
+            reason = self.reason_to_stop()
+            if reason is None:
+                accepted = self.round(number)
+                reason = self.reason_to_stop()
+                if reason is None and not accepted:
+                    reason = Status.SATURATED
+            if reason is not None:
+                status = reason
+                break
+        if not status.stopped_early:
+            self.finish()
+        order = np.argsort(-rough_volume(self.rows), kind="stable") if self.config.union == "hard" else slice(None)
+        return Outcome(
+            self.rows[order],
+            self.families(self.rows),
+            self.score,
+            self.iou,
+            status,
+            self.rounds,
+            self.timings,
+        )
+
+    def reason_to_stop(self) -> Status | None:
+        """The stop that holds now, if any."""
+        if self.interrupted():
+            return Status.INTERRUPTED
+        if self.out_of_time():
+            return Status.TIMEOUT
+        if self.iou >= self.config.target_iou:
+            return Status.TARGET_IOU
+        if len(self.rows) >= self.config.max_primitives:
+            return Status.MAX_PRIMITIVES
+        return None
+
+    def round(self, number: int) -> bool:
+        """One round; the best so far changes only if the objective rises. Returns whether it rose enough."""
+        config = self.config
+        self.tell("decompose", number, 0.0)
+        with self.timed("decompose"):
+            regions = propose_regions(
+                self.target.grid,
+                self.field,
+                first_round=not len(self.rows),
+                device=self.device,
+                most=config.propose.regions,
+            )
+        if not regions or self.should_stop():
+            return False
+        self.tell("propose", number, 0.15)
+        with self.timed("propose"):
+            candidates = fit_regions(
+                regions, self.target.grid, config.primitive, config.propose, config.seed + number, self.device
+            )
+            pool = np.concatenate([self.rows, candidates.rows])
+            blend = STARTING_BLEND if config.union == "smooth" else 0.0
+            pool[len(self.rows) :, BLEND] = blend
+        if self.should_stop():
+            return False
+        self.tell("select", number, 0.5)
+        with self.timed("select"):
+            chosen = self.choose(pool)
+        if not chosen:
+            return False
+        self.tell("refine", number, 0.6)
+        with self.timed("refine"):
+            selected = pool[sorted_by_volume(pool, chosen)]
+            refined = refine(
+                selected, self.families(selected), self.samples, config.refine, self.device, self.should_stop
+            )
+        with self.timed("prune"):
+            kept = refined[prune(self.values(refined) < 0, self.tally, config.parsimony)]
+            score = self.assess(kept)
+        rise = score.objective - self.score.objective
+        self.rounds.append(
+            Round(
+                [region.describe() for region in regions],
+                candidates.rows,
+                selected,
+                refined,
+                kept,
+                score,
+                rise > 0,
+            )
+        )
+        if rise > 0:
+            self.rows, self.score = kept, score
+            self.look()
+        self.tell("prune", number, 1.0)
+        return rise > SATURATION
+
+    def choose(self, pool: np.ndarray) -> list[int]:
+        """Indices into the pool; the primitives so far come first in it and may be swapped out."""
+        bits = self.values(pool) < 0
+        chosen, _ = select(
+            bits,
+            self.tally,
+            self.config.parsimony,
+            self.config.select,
+            list(range(len(self.rows))),
+            self.config.max_primitives,
+        )
+        return chosen
+
+    def finish(self) -> None:
+        """Blends, then a last sharp refinement; kept only where the objective rises."""
+        if not len(self.rows):
+            return
+        with self.timed("finish"):
+            rows = self.rows
+            if self.config.union == "smooth":
+                rows = choose_blends(self.values(rows), rows, self.tally, self.config.parsimony)
+            sharp = replace(self.config.refine, betas=(80.0, 250.0))
+            for candidate in (
+                rows,
+                refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop),
+            ):
+                kept = candidate[prune(self.values(candidate) < 0, self.tally, self.config.parsimony)]
+                score = self.assess(kept)
+                if score.objective > self.score.objective:
+                    self.rows, self.score = kept, score
+        self.look()
+
+
+def objective_samples(target: Target) -> ObjectiveSamples:
+    """The target's points near the surface, then those of its box."""
+    near, volume = target.samples.near, target.samples.volume
+    return ObjectiveSamples(
+        np.concatenate([near.points, volume.points]).astype(np.float32),
+        np.concatenate([near.distance, volume.distance]).astype(np.float32),
+        np.concatenate([near.weight, np.ones(len(volume.points))]).astype(np.float32),
+        len(near.points),
+    )
+
+
+def rough_volume(rows: np.ndarray) -> np.ndarray:
+    """Volumes of the primitives' boxes, to order them by."""
+    return rows[:, SHAPES : SHAPES + 3].prod(1)
+
+
+def sorted_by_volume(pool: np.ndarray, chosen: list[int]) -> np.ndarray:
+    """The chosen indices, biggest primitive first: the order that the union folds in."""
+    index = np.array(chosen)
+    return index[np.argsort(-rough_volume(pool[index]), kind="stable")]
+
+
+def fit_target(
+    target: Target,
+    config: FitConfig,
+    device: wp.Device,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+    start_rows: np.ndarray | None = None,
+) -> Outcome:
+    """Fit an assembly to a target.
+
+    Args:
+        target: from `make_target`.
+        config: options.
+        device: where the kernels run.
+        on_progress: called at each stage.
+        should_stop: asked often; once True, the best so far is returned.
+        start_rows: (k, ROW) primitives to begin with, `config.primitive`'s family.
+    """
+    return Fit(target, config, device, on_progress, should_stop, start_rows).run()

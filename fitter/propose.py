@@ -1,0 +1,89 @@
+"""Candidates of a round: every region fitted from many starts in batched launches, the best few kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..decomposition.region import Region
+from ..decomposition.starts import all_starts
+from ..kernels.owned_points import shared_points
+from .config import ProposeConfig
+from .levenberg import levenberg
+from .region_points import RegionPoints, sample_regions
+
+STAGE_SHARPNESS = (2.0, 5.0, 12.0)
+"""Sharpness of the three stages in units of 1 / (half thickness of the region): coarse to fine."""
+SHARPNESS_RANGE = (8.0, 400.0)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Fitted primitives of one family, in no particular order."""
+
+    rows: np.ndarray
+    """(count, ROW) float32."""
+    region: np.ndarray
+    """(count,) the region each was fitted to."""
+    kind: list[str]
+    """What each started as."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def fit_regions(
+    regions: list[Region],
+    grid: np.ndarray,
+    family: str,
+    config: ProposeConfig,
+    seed: int,
+    device: wp.Device,
+) -> Candidates:
+    """Fit all regions from all their starts and keep each region's best.
+
+    Three stages, each sharper and with fewer starts than the one before. Starts of a region share its points.
+
+    Args:
+        regions: parts of the target to fill, at least one.
+        grid: (n, n, n) signed distance of the target at the cell centres of [-1, 1]^3.
+        family: of the candidates.
+        config: how many starts and steps.
+        seed: of the sample points.
+        device: where to fit.
+    """
+    rows, region, kinds = all_starts(regions, family)
+    samples = sample_regions(regions, grid, config.points, seed)
+    kind = np.array(kinds)
+    keeps = (*config.keep, config.keep[-1])
+    for sharpness, iterations, keep in zip(STAGE_SHARPNESS, config.iterations, keeps, strict=True):
+        rows, cost = _fit_stage(rows, region, samples, family, sharpness, iterations, device)
+        best = _best_of_each(region, cost, keep)
+        rows, region, kind = rows[best], region[best], kind[best]
+    return Candidates(rows, region, kind.tolist())
+
+
+def _fit_stage(
+    rows: np.ndarray,
+    region: np.ndarray,
+    samples: RegionPoints,
+    family: str,
+    sharpness: float,
+    iterations: int,
+    device: wp.Device,
+) -> tuple[np.ndarray, np.ndarray]:
+    points = shared_points(
+        samples.points, samples.region, region, samples.distance, samples.weight, device=device
+    )
+    betas = np.clip(sharpness / samples.scale, *SHARPNESS_RANGE)[region]
+    return levenberg(rows, [family] * len(rows), points, betas, iterations, device)
+
+
+def _best_of_each(region: np.ndarray, cost: np.ndarray, keep: int) -> np.ndarray:
+    """Indices of the `keep` cheapest of each region, cheapest first."""
+    order = np.lexsort((cost, region))
+    sorted_region = region[order]
+    first = np.searchsorted(sorted_region, sorted_region)
+    return order[np.arange(len(order)) - first < keep]
