@@ -1,0 +1,80 @@
+"""Welding vertices that lie on each other, and dropping faces that say nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from resfit.errors import InputError
+
+WELD_STEPS = 1 << 20
+"""Vertices in the same cell of a grid with this many cells along the longest side become one: a millionth of
+the size is above the rounding of float32 files, and below any feature."""
+
+
+def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Merge vertices that coincide; of several, the first keeps its exact position.
+
+    Args:
+        vertices: (n, 3) float64, mesh units; those used by faces finite. faces: (m, 3) int.
+
+    Returns:
+        vertices (k, 3) float64, sorted by position; faces (m, 3) int64.
+
+    Raises:
+        InputError: if all vertices are at one place, or too far apart for float64.
+    """
+    used = np.unique(faces)
+    lower, upper = vertices[used].min(axis=0), vertices[used].max(axis=0)
+    # Halves first: the difference of two large numbers may overflow.
+    side = float((upper / 2 - lower / 2).max()) * 2.0
+    if not np.isfinite(side):
+        raise InputError(
+            "the bounding box of the mesh is too large for floating-point numbers; scale it down."
+        )
+    if side <= 0.0:
+        raise InputError("all vertices of the mesh are at one place: there is no shape in it.")
+    # Relative to the lower corner and the size, so that neither offset nor scale matters.
+    cells = np.round((vertices[used] - lower) * (WELD_STEPS / side)).astype(np.int64)
+    key = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    renumber = np.zeros(len(vertices), np.int64)
+    renumber[used] = inverse
+    return vertices[used[first]], renumber[faces]
+
+
+def clean_faces(faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Which faces to keep: those with three different corners, and of equal ones the first.
+
+    A thin triangle with three different corners in one line stays: without it its neighbours would no longer
+    meet. Two faces with the same corners but turned against each other both stay, too: they may be the two
+    sides of a sheet, or a wall between two bodies, which `solid` tells apart.
+
+    Args:
+        faces: (m, 3) int.
+
+    Returns:
+        indices of the faces kept, ascending, (k,) int64; sentences about what was dropped.
+    """
+    a, b, c = faces.T
+    whole = np.flatnonzero((a != b) & (b != c) & (c != a))
+    # Turned so that the smallest corner comes first, equal faces are equal rows.
+    lead = np.argmin(faces[whole], axis=1)
+    rows = np.arange(len(whole))
+    turned = [faces[whole][rows, (lead + k) % 3] for k in range(3)]
+    order = np.lexsort((turned[2], turned[1], turned[0]))
+    new = np.ones(len(whole), bool)
+    if len(whole) > 1:
+        new[1:] = np.logical_or.reduce([np.diff(column[order]) != 0 for column in turned])
+    kept = np.sort(whole[order[new]])
+    notes = []
+    if len(whole) < len(faces):
+        notes.append(f"{len(faces) - len(whole)} faces without area were dropped.")
+    if len(kept) < len(whole):
+        notes.append(f"{len(whole) - len(kept)} repeated faces were dropped.")
+    return kept, notes
+
+
+def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (m,) float64 of the triangles, in squared units of `vertices`."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
