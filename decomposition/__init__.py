@@ -1,0 +1,1 @@
+"""From a target and what is already explained to regions, and from regions to starting primitives."""

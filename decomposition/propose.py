@@ -1,0 +1,55 @@
+"""Which regions are worth a primitive, given what is explained already."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from .msd import decompose
+from .region import Region, without_duplicates
+from .residual import find_residual, residual_components
+
+FRACTIONS = (0.005, 0.03, 0.12)
+"""Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
+
+MOST_REGIONS = 64
+
+
+def propose_regions(
+    grid: np.ndarray,
+    explained: np.ndarray | None = None,
+    *,
+    first_round: bool,
+    device: wp.Device,
+    fractions: tuple[float, ...] = FRACTIONS,
+    most: int = MOST_REGIONS,
+) -> list[Region]:
+    """Regions to fit primitives to: parts of what is unexplained, its connected components, at first all of it.
+
+    Args:
+        grid: (n, n, n) float32, signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
+        explained: the same of the assembly so far, None if there is none.
+        first_round: propose the whole residual as one region too.
+        device: where distances are measured.
+        fractions: volume fractions of the morphological decompositions.
+        most: regions at most; the largest are kept.
+
+    Returns:
+        Regions of at least 12 cells, none nearly equal to another, largest first. Same input, same regions.
+    """
+    residual = find_residual(grid, explained)
+    if residual is None:
+        return []
+    components = residual_components(residual, most=most)
+    found: list[Region] = []
+    if first_round:
+        found += _whole(residual.depth > 0.0, residual.lower, residual.resolution)
+    found += components
+    found += decompose(residual, fractions, device)
+    # The sort is stable: of equal volumes the whole stays before components, and these before parts.
+    found.sort(key=lambda region: -region.volume)
+    return without_duplicates(found)[:most]
+
+
+def _whole(mask: np.ndarray, lower: np.ndarray, resolution: int) -> list[Region]:
+    return [Region(lower, mask, resolution, "solid")] if mask.sum() >= 12 else []

@@ -1,0 +1,131 @@
+"""A region: the cells that one primitive is to explain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+
+SAME_SHARE = 0.9
+"""Two regions that share more than this of their union are one proposal."""
+
+_JITTER_SEED = 7
+"""Samples of a region are drawn with the same random numbers every time, so that proposals are reproducible."""
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Some cells of the resolution^3 grid over [-1, 1]^3, indexed [x, y, z]."""
+
+    lower: np.ndarray
+    """(3,) int32, the cell at [0, 0, 0] of `mask`."""
+    mask: np.ndarray
+    """(a, b, c) bool; every face of the box holds a cell of the region."""
+    resolution: int
+    """Cells along a side of the grid."""
+    source: str
+    """How it was proposed: "solid", "component" or "msd 0.03", with the volume fraction."""
+
+    @cached_property
+    def volume(self) -> int:
+        """Number of cells."""
+        return int(np.count_nonzero(self.mask))
+
+    def centres(self) -> np.ndarray:
+        """Centres (volume, 3) float32 of the cells, normalised frame, in the order of the grid."""
+        return self._centres_of(np.flatnonzero(self.mask))
+
+    def sample(self, count: int) -> np.ndarray:
+        """At most `count` of the centres, spread evenly over the region; always the same ones.
+
+        One cell is drawn at random from each of `count` equal runs of cells: evenly spaced ones would fall in
+        step with the rows of the grid.
+        """
+        cells = np.flatnonzero(self.mask)
+        if len(cells) > count:
+            shares = np.arange(count) + np.random.default_rng(_JITTER_SEED).random(count)
+            cells = cells[(shares * (len(cells) / count)).astype(np.int64)]
+        return self._centres_of(cells)
+
+    def describe(self) -> dict[str, object]:
+        """What a history keeps of it: source, volume in cells, and the box it fills, [lower, upper) in cells."""
+        upper = self.lower + self.mask.shape
+        return {
+            "source": self.source,
+            "volume": self.volume,
+            "resolution": self.resolution,
+            "lower": [int(edge) for edge in self.lower],
+            "upper": [int(edge) for edge in upper],
+        }
+
+    def overlap(self, other: Region) -> float:
+        """Cells in both over cells in either, 0 to 1; both on the same grid."""
+        low = np.maximum(self.lower, other.lower)
+        high = np.minimum(self.lower + self.mask.shape, other.lower + other.mask.shape)
+        if (high <= low).any():
+            return 0.0
+        mine = self.mask[_slices(low - self.lower, high - self.lower)]
+        theirs = other.mask[_slices(low - other.lower, high - other.lower)]
+        both = int(np.count_nonzero(mine & theirs))
+        return both / (self.volume + other.volume - both)
+
+    def _centres_of(self, cells: np.ndarray) -> np.ndarray:
+        index = np.stack(np.unravel_index(cells, self.mask.shape), axis=1) + self.lower
+        return ((index + 0.5) * (2.0 / self.resolution) - 1.0).astype(np.float32)
+
+
+def region_from_mask(mask: np.ndarray, lower: np.ndarray, resolution: int, source: str) -> Region | None:
+    """The region of the true cells of `mask` (a, b, c), whose first cell is `lower`; None if there are none."""
+    box = true_box(mask)
+    if box is None:
+        return None
+    start = np.array([edge.start for edge in box], np.int32)
+    cropped = np.ascontiguousarray(mask[box])
+    return Region(np.asarray(lower, np.int32) + start, cropped, resolution, source)
+
+
+def true_box(mask: np.ndarray) -> tuple[slice, slice, slice] | None:
+    """The smallest box that holds all true cells of a 3D mask; None if there are none."""
+    flat: np.ndarray = np.asarray(mask.any(axis=2))
+    sides: list[np.ndarray] = [
+        np.asarray(flat.any(axis=1)),
+        np.asarray(flat.any(axis=0)),
+        np.asarray(np.asarray(mask.any(axis=0)).any(axis=0)),
+    ]
+    if not sides[0].any():
+        return None
+    first = [int(np.argmax(side)) for side in sides]
+    last = [len(side) - int(np.argmax(side[::-1])) for side in sides]
+    return slice(first[0], last[0]), slice(first[1], last[1]), slice(first[2], last[2])
+
+
+def label_components(mask: np.ndarray, full: bool = False) -> tuple[np.ndarray, int]:
+    """Labels (a, b, c) int32, 0 outside, 1 and up in the connected parts of a mask, and how many parts there are.
+
+    Cells are connected that share a face (6), with `full` also those that share an edge or a corner (26).
+    """
+    labels = np.empty(mask.shape, np.int32)
+    count = ndimage.label(mask, np.ones((3, 3, 3), bool) if full else None, output=labels)
+    return labels, int(np.asarray(count))
+
+
+def without_duplicates(regions: Iterable[Region]) -> list[Region]:
+    """The regions less those that an earlier one nearly equals (see SAME_SHARE)."""
+    kept: list[Region] = []
+    for region in regions:
+        # The share is at most the ratio of the volumes: most pairs need no look at their cells.
+        close = [other for other in kept if _ratio(region.volume, other.volume) > SAME_SHARE]
+        if not any(region.overlap(other) > SAME_SHARE for other in close):
+            kept.append(region)
+    return kept
+
+
+def _ratio(a: int, b: int) -> float:
+    return min(a, b) / max(a, b)
+
+
+def _slices(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice, slice]:
+    return slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
