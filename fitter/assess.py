@@ -18,7 +18,9 @@ BLEND_CHOICES = (0.0, 0.01, 0.02, 0.04, 0.08)
 """Blend radii that are tried, normalised units."""
 
 
-def values_at(rows: np.ndarray, families: Sequence[str], blocks: PointBlocks, device: wp.Device) -> np.ndarray:
+def values_at(
+    rows: np.ndarray, families: Sequence[str], blocks: PointBlocks, device: wp.Device
+) -> np.ndarray:
     """Distances (primitive_count, n) float32 of each primitive alone at the samples."""
     if not len(rows):
         return np.zeros((0, blocks.count), np.float32)

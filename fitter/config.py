@@ -78,7 +78,9 @@ class FitConfig:
     def __post_init__(self) -> None:
         """Raises InputError for a value that makes no sense, naming the option."""
         if self.primitive not in FAMILIES:
-            raise InputError(f"--primitive {self.primitive}: there is no such family; choose {', '.join(FAMILIES)}.")
+            raise InputError(
+                f"--primitive {self.primitive}: there is no such family; choose {', '.join(FAMILIES)}."
+            )
         checks = {
             "max_primitives": (self.max_primitives >= 1, "at least 1"),
             "target_iou": (0 < self.target_iou <= 1, "above 0 and at most 1"),

@@ -75,7 +75,9 @@ def apply_steps(rows: np.ndarray, steps: np.ndarray, ranges: Ranges) -> np.ndarr
     moved = rows.astype(np.float64)
     w, x, y, z = (moved[:, ROTATION + i] for i in range(4))
     tx, ty, tz = steps[:, 0], steps[:, 1], steps[:, 2]
-    moved[:, TRANSLATION] += (1 - 2 * (y * y + z * z)) * tx + 2 * (x * y - w * z) * ty + 2 * (x * z + w * y) * tz
+    moved[:, TRANSLATION] += (
+        (1 - 2 * (y * y + z * z)) * tx + 2 * (x * y - w * z) * ty + 2 * (x * z + w * y) * tz
+    )
     moved[:, TRANSLATION + 1] += (
         2 * (x * y + w * z) * tx + (1 - 2 * (x * x + z * z)) * ty + 2 * (y * z - w * x) * tz
     )

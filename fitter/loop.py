@@ -141,7 +141,11 @@ class Fit:
                 break
         if not status.stopped_early:
             self.finish()
-        order = np.argsort(-rough_volume(self.rows), kind="stable") if self.config.union == "hard" else slice(None)
+        order = (
+            np.argsort(-rough_volume(self.rows), kind="stable")
+            if self.config.union == "hard"
+            else slice(None)
+        )
         return Outcome(
             self.rows[order],
             self.families(self.rows),
@@ -223,15 +227,14 @@ class Fit:
     def choose(self, pool: np.ndarray) -> list[int]:
         """Indices into the pool; the primitives so far come first in it and may be swapped out."""
         bits = self.values(pool) < 0
-        chosen, _ = select(
+        return select(
             bits,
             self.tally,
             self.config.parsimony,
             self.config.select,
-            list(range(len(self.rows))),
+            len(self.rows),
             self.config.max_primitives,
         )
-        return chosen
 
     def finish(self) -> None:
         """Blends, then a last sharp refinement; kept only where the objective rises."""

@@ -49,7 +49,7 @@ class Score:
 
 
 class Tally:
-    """Sums over the samples, by column: near inside, near outside, box inside, box outside (weights included)."""
+    """Weights of the samples by column: near inside, near outside, box inside, box outside (curvature included)."""
 
     def __init__(self, samples: ObjectiveSamples):
         near = np.arange(len(samples.points)) < samples.near_count
@@ -79,35 +79,93 @@ class Tally:
         """The objective of a hard union from how many primitives hold each point."""
         return self.score(counts > 0, counts > 1, primitive_count, alpha)
 
-    def gains(
-        self,
-        bits: np.ndarray,
-        counts: np.ndarray,
-        primitive_count: int,
-        alpha: float,
-        false_volume: float,
-    ) -> np.ndarray:
-        """Objective that each candidate would add to the chosen ones.
+    def objective(
+        self, held: np.ndarray, primitive_count: np.ndarray | int, alpha: float, false_volume: float = 1.0
+    ):
+        """The objective from sums, for many assemblies at once.
 
         Args:
-            bits: (candidates, n) float32 0 / 1, in the candidate.
-            counts: (n,) how many chosen primitives hold each point.
-            primitive_count: chosen so far.
+            held: (..., 6): the four columns summed over covered points, box points covered, box points covered twice.
+            primitive_count: of each.
             alpha: price of a primitive.
             false_volume: weight of volume outside the target, 1 for the objective itself.
         """
-        free = (counts == 0).astype(np.float32)[:, None]
-        once = ((counts == 1) * self.box)[:, None]
-        sums = bits @ np.concatenate([self.columns * free, once, self.box[:, None] * free], axis=1)
-        held = (counts > 0).astype(np.float32) @ self.columns
-        box_held, twice_held = float(((counts > 0) * self.box).sum()), float(((counts > 1) * self.box).sum())
+        near_in, near_out, box_in, box_out, box, twice = np.moveaxis(held, -1, 0)
+        near = near_in / np.maximum(self.near_total + false_volume * near_out, 1e-9)
+        volume = box_in / np.maximum(self.box_total + false_volume * box_out, 1e-9)
+        overlap = twice / np.maximum(box, 1.0)
+        return 0.5 * (near + volume) - alpha * primitive_count - OVERLAP_PRICE * overlap
 
-        def objective(near_in, near_out, box_in, box_out, twice, box, number):
-            near = near_in / np.maximum(self.near_total + false_volume * near_out, 1e-9)
-            volume = box_in / np.maximum(self.box_total + false_volume * box_out, 1e-9)
-            return 0.5 * (near + volume) - alpha * number - OVERLAP_PRICE * twice / np.maximum(box, 1.0)
 
-        now = objective(*held, twice_held, box_held, primitive_count)
-        total = held + sums[:, :4]
-        after = objective(*total.T, twice_held + sums[:, 4], box_held + sums[:, 5], primitive_count + 1)
-        return after - now
+class Chooser:
+    """A growing choice among candidates, with what each further candidate would add kept up to date.
+
+    Adding or removing a candidate changes only the points inside it, so the sums of all others are updated there
+    instead of being taken anew over all points.
+    """
+
+    def __init__(self, bits: np.ndarray, tally: Tally, alpha: float):
+        """`bits` (candidates, n) bool: which sample points each candidate holds."""
+        self.tally, self.alpha = tally, alpha
+        self.points = [np.flatnonzero(row) for row in bits]
+        # Point-major, so that the points of one candidate are contiguous rows.
+        self.by_point = np.ascontiguousarray(bits.T, dtype=np.float32)
+        self.counts = np.zeros(bits.shape[1], np.int32)
+        self.values = np.concatenate([tally.columns, tally.box[:, None]], axis=1)
+        self.chosen: list[int] = []
+        self.held = np.zeros(6)
+        self.sums = np.zeros((len(bits), 6))
+        self.sums[:, :5] = self.by_point.T @ self.values
+
+    def copy(self) -> Chooser:
+        """An independent choice that goes on from here."""
+        other = object.__new__(Chooser)
+        other.__dict__.update(self.__dict__)
+        other.counts, other.held, other.sums = self.counts.copy(), self.held.copy(), self.sums.copy()
+        other.chosen = list(self.chosen)
+        return other
+
+    def _change(self, index: int, step: int) -> None:
+        """Count the points of a candidate once more (step 1) or once less (-1), and mend all sums there."""
+        points = self.points[index]
+        before = self.counts[points]
+        after = before + step
+        self.counts[points] = after
+        freed = (after == 0).astype(np.float32) - (before == 0)
+        once = (after == 1).astype(np.float32) - (before == 1)
+        self.held[:5] -= freed @ self.values[points]
+        self.held[5] += ((after > 1).astype(np.float32) - (before > 1)) @ self.tally.box[points]
+        moved = freed != 0
+        self.sums[:, :5] += self.by_point[points[moved]].T @ (freed[moved, None] * self.values[points[moved]])
+        moved = once != 0
+        self.sums[:, 5] += self.by_point[points[moved]].T @ (once[moved] * self.tally.box[points[moved]])
+
+    def add(self, index: int) -> None:
+        """Choose a candidate."""
+        self._change(index, 1)
+        self.chosen.append(index)
+
+    def remove(self, index: int) -> None:
+        """Take a chosen candidate out."""
+        self._change(index, -1)
+        self.chosen.remove(index)
+
+    def score(self) -> float:
+        """The objective of the choice as it is."""
+        return float(self.tally.objective(self.held, len(self.chosen), self.alpha))
+
+    def best_addition(self, false_volume: float = 1.0) -> tuple[int, float]:
+        """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left."""
+        gains = self.gains(false_volume)
+        if not len(gains):
+            return -1, -np.inf
+        leader = int(np.argmax(gains))
+        return leader, float(gains[leader])
+
+    def gains(self, false_volume: float = 1.0) -> np.ndarray:
+        """What each candidate would add to the objective, -inf for those chosen."""
+        count = len(self.chosen)
+        now = self.tally.objective(self.held, count, self.alpha, false_volume)
+        gains = self.tally.objective(self.held + self.sums, count + 1, self.alpha, false_volume) - now
+        gains[self.chosen] = -np.inf
+        return gains

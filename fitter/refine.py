@@ -1,7 +1,7 @@
 """Joint refinement: all primitives follow the union's error together, each by its own damped step.
 
 Points belong to the primitive nearest to them, so the normal matrix is nearly block-diagonal (design: second order
-beats Adam). A point that a second primitive covers gives that one a row which pushes it out; where two primitives blend,
+beats Adam). A point that a second primitive covers gives that one a row which pushes it out; where two blend,
 both get the union's row. Owners change as primitives move: they are found anew at every step.
 """
 
@@ -158,9 +158,7 @@ def _rows_of_loss(
     slope = np.concatenate(
         [owners.share[active], 1.0 - owners.share[blended], np.ones(len(covered), np.float32)]
     )
-    target = np.concatenate(
-        [samples.distance[index[: len(own)]], np.full(len(covered), EMPTY, np.float32)]
-    )
+    target = np.concatenate([samples.distance[index[: len(own)]], np.full(len(covered), EMPTY, np.float32)])
     push = np.sqrt(config.overlap)
     weight = np.sqrt(samples.weight[index])
     weight[len(own) :] *= push
