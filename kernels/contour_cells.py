@@ -139,15 +139,15 @@ def pair_faces(field: SampledField, cells: Cells) -> tuple[np.ndarray, np.ndarra
     shared = shared.ravel()
     middle = place[first] + 0.5 * (1 - np.eye(3)[axis[first]])
     join = field.evaluate(field.points(middle)) < 0.0
-    for _ in range(MAX_FLIPS):
+    for _ in range(MAX_FLIPS + 1):
         joined[:] = 0
         np.bitwise_or.at(joined, owner, join[shared].astype(np.int64) << face)
-        patches, counts, twice = _patch_tables(cells.inside, joined)
+        twice = _patch_tables(cells.inside, joined)[2]
         bad = np.bincount(shared, weights=twice[owner] >> face & 1, minlength=len(join)) == 2
         if not bad.any():
             break
         join = join ^ bad
-    return patches, counts
+    return _patch_tables(cells.inside, joined)[:2]
 
 
 def _patch_tables(inside: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

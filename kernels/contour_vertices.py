@@ -20,8 +20,9 @@ PULL = wp.constant(2e-3)
 SLACK = 1.0
 """Vertices may leave their cell by this much (cells): corners and creases often lie just outside."""
 SLACK_C = wp.constant(SLACK)
-SECANT_STEPS = 8
-"""Steps of the Illinois method along a crossed edge at most; a distance field is linear there but for creases."""
+ZERO_STEPS = 24
+"""Most steps along a crossed edge, by turns secant (a distance is linear but for creases) and bisection (in a thin
+plate the inside is so shallow that secants hardly move)."""
 NUDGE = 1e-3
 """Normals are taken this far (cells) inside: exactly on the surface a distance has none."""
 PROJECTION_ROUNDS = 2
@@ -44,7 +45,7 @@ def refine_crossings(field: SampledField, crossings: Crossings) -> tuple[np.ndar
 
 
 def find_zeros(field: SampledField, crossings: Crossings, direction: np.ndarray) -> np.ndarray:
-    """Share (n,) of each crossed edge at which the field is zero, by the Illinois method."""
+    """Share (n,) of each crossed edge at which the field is zero, by the Illinois method and bisection."""
     tolerance = ON_SURFACE * float(field.spacing.min())
     start = crossings.start
     low_value = field.samples[tuple(start.T)]
@@ -53,7 +54,7 @@ def find_zeros(field: SampledField, crossings: Crossings, direction: np.ndarray)
     share = low_value / (low_value - high_value)
     stayed = np.zeros(len(start), np.int8)
     todo = np.arange(len(start))
-    for _ in range(SECANT_STEPS):
+    for step in range(ZERO_STEPS):
         value = field.evaluate(field.points(start[todo] + share[todo, None] * direction[todo]))
         unsettled = np.abs(value) > tolerance
         todo, value = todo[unsettled], value[unsettled]
@@ -69,6 +70,7 @@ def find_zeros(field: SampledField, crossings: Crossings, direction: np.ndarray)
         stayed[up], stayed[down] = 1, -1
         gap = low_value[todo] - high_value[todo]
         part = np.where(gap == 0.0, 0.5, low_value[todo] / np.where(gap == 0.0, 1.0, gap))
+        part = np.where(step % 2, np.float32(0.5), part)
         share[todo] = low[todo] + (high[todo] - low[todo]) * part
     return share
 

@@ -155,7 +155,7 @@ class FieldScene:
     def openness(self, points: wp.array, normals: wp.array) -> wp.array:
         """Share (n,) of the surroundings that is open above points of a surface, from the field above them."""
         result = wp.ones(points.shape[0], dtype=float, device=self.device)
-        weight = 0.42
+        weight = 0.31
         for share in PROBES:
             height = share * self.size
             field = union_at(self.primitives, self._blocks(points, normals, height))

@@ -26,6 +26,7 @@ wp.set_module_options(PLAIN_OPTIONS)
 NO_HIT = wp.constant(1.0e30)
 """Distance along a ray that hits nothing."""
 MAX_STEPS = 160
+"""Steps of full length after which a ray that grazes a surface is given up."""
 SHADOW_STEPS = 40
 BENT_FACTOR = 0.8
 """Step length where a bent primitive is present: its field is steeper than 1.25 at fewer than one point in 500."""
@@ -117,7 +118,7 @@ def advance_rays_kernel(
             out_distance[r] = 0.5 * (t + out_before[r])
     else:
         out_before[r] = t
-        beyond = t + wp.max(factor * f, 0.5 * near)
+        beyond = t + wp.max(factor * f, near)
         if beyond >= out_end[r]:
             # Towards a point known to be inside: half way. Towards the end of the box: done.
             if out_hit[r] < 0:
@@ -196,14 +197,15 @@ def march_rays(primitives: PrimitiveSet, rays: Rays, box: Box, tolerance: float)
     front = Wavefront(rays, live)
     field = wp.empty(padded_count(rays.count), dtype=float, device=device)
     factor = step_factor(primitives)
-    for step in range(MAX_STEPS):
+    step_count = round(MAX_STEPS / factor)
+    for step in range(step_count):
         if not front.count:
             break
         union_at(primitives, front.points(distance), out_field=field)
         launch(
             advance_rays_kernel,
             front.count,
-            [front.ids, field, factor, tolerance, int(step == MAX_STEPS - 1)],
+            [front.ids, field, factor, tolerance, int(step == step_count - 1)],
             [distance, before, end, hit, live],
             device,
             seconds_per_thread=6e-9,

@@ -32,7 +32,7 @@ wp.set_module_options(PLAIN_OPTIONS)
 
 CLAY = (0.74, 0.74, 0.76)
 """Colour of a mesh that is given none, sRGB."""
-PIXEL_SHARE = 0.2
+PIXEL_SHARE = 0.05
 """Error of a hit in pixels."""
 GROUND_REACH = 1.6
 """Radius of the ground that shows shadow, by the scene's size."""
