@@ -8,7 +8,6 @@ both get the union's row. Owners change as primitives move: they are found anew 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -16,6 +15,7 @@ import warp as wp
 from ..kernels.field import primitives_at
 from ..kernels.normal_equations import normal_equations
 from ..kernels.owned_points import OwnedPoints, owned_points
+from ..kernels.ownership import Ownership, find_owners, ownership_arrays
 from ..kernels.points import PointBlocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND
@@ -28,40 +28,6 @@ MASK = 0.1
 
 EMPTY = 1e30
 """Target distance of a row that wants its primitive elsewhere."""
-
-
-@dataclass(frozen=True)
-class Ownership:
-    """What the union looks like at each sample point, from all primitives' distances there."""
-
-    union: np.ndarray
-    """(n,) smooth union."""
-    owner: np.ndarray
-    """(n,) primitive with the smallest distance."""
-    nearest: np.ndarray
-    """(n,) that distance."""
-    second: np.ndarray
-    """(n,) primitive with the second smallest distance; the owner again where there is only one primitive."""
-    runner_up: np.ndarray
-    """(n,) that distance."""
-    share: np.ndarray
-    """(n,) derivative of the union to the owner's distance, as far as these two go; the second has the rest."""
-
-
-def find_owners(values: np.ndarray, blends: np.ndarray) -> Ownership:
-    """Owners from distances (primitive_count, n) and blend radii (primitive_count,)."""
-    count, columns = values.shape[0], np.arange(values.shape[1])
-    owner = values.argmin(0)
-    nearest = values[owner, columns]
-    if count == 1:
-        return Ownership(nearest, owner, nearest, owner, np.full_like(nearest, EMPTY), np.ones_like(nearest))
-    others = values.copy()
-    others[owner, columns] = np.inf
-    second = others.argmin(0)
-    runner_up = others[second, columns]
-    blend = blends[np.maximum(owner, second)]
-    share = np.clip(0.5 + 0.5 * (runner_up - nearest) / np.maximum(blend, 1e-9), 0.5, 1.0)
-    return Ownership(fold(values, blends), owner, nearest, second, runner_up, share.astype(np.float32))
 
 
 def fold(values: np.ndarray, blends: np.ndarray) -> np.ndarray:
@@ -103,6 +69,8 @@ def refine(
     ranges = fit_ranges(families)
     primitives = PrimitiveSet(rows, families, device)
     rows = rows.astype(np.float32).copy()
+    values = wp.empty(len(rows) * blocks.x.shape[0], dtype=float, device=device)
+    scratch = (values, *ownership_arrays(blocks))
     damping = 1e-2
     low, high = config.betas
     system, loss, beta = None, np.inf, low
@@ -113,10 +81,10 @@ def refine(
         if system is None or wanted > 1.3 * beta:
             beta = wanted
             primitives.set_rows(rows)
-            system, loss = _linearise(primitives, blocks, samples, beta, config)
+            system, loss = _linearise(primitives, blocks, samples, beta, config, scratch)
         trial = apply_steps(rows, solve_steps(system, rows, np.full(len(rows), damping), ranges), ranges)
         primitives.set_rows(trial)
-        tried, trial_loss = _linearise(primitives, blocks, samples, beta, config)
+        tried, trial_loss = _linearise(primitives, blocks, samples, beta, config, scratch)
         if trial_loss < loss:
             rows, system, loss = trial, tried, trial_loss
             damping = max(damping * 0.4, 1e-5)
@@ -131,10 +99,10 @@ def _linearise(
     samples: ObjectiveSamples,
     beta: float,
     config: RefineConfig,
+    scratch: tuple[wp.array, ...],
 ) -> tuple[np.ndarray, float]:
     """Systems of all primitives and the loss: mean weighted squared error plus the overlap's."""
-    values = primitives_at(primitives, blocks).numpy().reshape(len(primitives), -1)[:, : blocks.count]
-    owners = find_owners(values, primitives.blends)
+    owners = find_owners(primitives, blocks, primitives_at(primitives, blocks, scratch[0]), scratch[1:])
     points, loss = _rows_of_loss(owners, samples, len(primitives), beta, config, primitives.device)
     return normal_equations(primitives, points, beta), loss
 
