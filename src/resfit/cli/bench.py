@@ -1,4 +1,4 @@
-"""`resfit bench`: how fast this machine is."""
+"""`resfit bench`: how fast this machine is, and how well single primitives are found."""
 
 from __future__ import annotations
 
@@ -9,21 +9,27 @@ from cyclopts import Parameter
 
 
 def bench(
-    what: Literal["kernels"] = "kernels",
+    what: Literal["kernels", "recovery"] = "kernels",
     /,
     *,
     device: str = "auto",
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
     markdown: Path | None = None,
+    count: int = 200,
 ) -> int:
-    """Measure the speed of the kernels on this machine.
+    """Measure this machine's speed, or how well single random primitives are recovered.
 
     Args:
-        what: what to measure.
+        what: "kernels" times every kernel; "recovery" fits random SuperFrusta to their own voxel grids.
         device: auto, cpu or cuda:0.
         as_json: print JSON and nothing else.
-        markdown: also write the table to this file.
+        markdown: also write the table of the kernels to this file.
+        count: primitives to recover.
     """
+    if what == "recovery":
+        from resfit.eval.recovery import run_recovery
+
+        return run_recovery(device=device, as_json=as_json, count=count)
     from resfit.eval.bench import run_kernels
 
-    return run_kernels(device=device, as_json=as_json, markdown=markdown) or 0
+    return run_kernels(device=device, as_json=as_json, markdown=markdown)
