@@ -155,9 +155,9 @@ class MeshScene:
         color: tuple[float, float, float],
         device: wp.Device,
         smooth: bool = True,
-        quality: int = 1,
+        rays_per_pixel: int = 1,
     ) -> None:
-        """Vertices (v, 3), faces (f, 3), an sRGB colour in [0, 1]; `quality` is rays a pixel has, squared samples."""
+        """Vertices (v, 3), faces (f, 3), an sRGB colour in [0, 1]; `rays_per_pixel` share the work for soft light."""
         self.device = device
         vertices = np.ascontiguousarray(vertices, np.float32).reshape(-1, 3)
         faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
@@ -165,7 +165,7 @@ class MeshScene:
         self._mesh: wp.Mesh | None = None
         self._color = wp.vec3(*to_linear(np.array(color)).tolist())
         self._smooth = smooth
-        self._open_rays, self._light_rays = max(8, 24 // quality), max(4, 12 // quality)
+        self._open_rays, self._light_rays = max(5, 20 // rays_per_pixel), max(3, 12 // rays_per_pixel)
         if len(faces):
             used = vertices[faces.ravel()]
             self.lower, self.upper = used.min(axis=0).astype(float), used.max(axis=0).astype(float)
