@@ -94,7 +94,7 @@ def grid_blocks(
 
     A shape that is no multiple of CUBE is rounded up; `from_grid_blocks` drops the surplus.
     """
-    cubes = [-(-n // CUBE) for n in shape]
+    cubes = [-(-int(n) // CUBE) for n in shape]
     block_count = cubes[0] * cubes[1] * cubes[2]
     x, y, z = (wp.empty(block_count * BLOCK, dtype=float, device=device) for _ in range(3))
     launch(

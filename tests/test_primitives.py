@@ -251,6 +251,15 @@ def test_bulge_zero_has_a_derivative(device, rng):
     assert np.abs(found[:, 6 + 6]).max() > 0.05
 
 
+def test_a_cuboid_keeps_its_derivatives_on_its_faces(device):
+    """On the surface itself the field is 0 but its gradient is a face's normal."""
+    points = np.array([[0.25, 0.1, 0.0], [0.0, -0.25, 0.1], [0.1, 0.0, 0.25]])
+    values, found = jacobian(one((0.5, 0.5, 0.5), device, "cuboid"), points, np.zeros(3, int))
+    np.testing.assert_array_equal(values, 0.0)
+    np.testing.assert_array_equal(-found[:, :3], [[1, 0, 0], [0, -1, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(found[:, 6:9], -0.5 * np.eye(3))
+
+
 def test_tables_are_consistent():
     """Ranges nest, defaults are legal, and every family's columns fit a row."""
     for entry in FAMILIES.values():

@@ -21,7 +21,7 @@ def sdf_cuboid_grad(c: Cuboid, x: float, y: float, z: float) -> Derivatives:
     deep = larger(qx, larger(qy, qz))
     outside = wp.sqrt(ox * ox + oy * oy + oz * oz)
     inverse = 1.0 / larger(outside, 1.0e-20)
-    inside = deep < 0.0
+    inside = deep <= 0.0
     is_x = wp.where(qx >= deep, 1.0, 0.0)
     is_y = wp.where(qy >= deep, 1.0 - is_x, 0.0)
     gx = wp.where(inside, is_x, ox * inverse)
