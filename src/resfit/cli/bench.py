@@ -27,9 +27,9 @@ def bench(
         count: primitives to recover.
     """
     if what == "recovery":
-        from resfit.eval.recovery import run_recovery
+        from resfit.eval.bench.recovery import run_recovery
 
         return run_recovery(device=device, as_json=as_json, count=count)
-    from resfit.eval.bench import run_kernels
+    from resfit.eval.bench.kernels import run_kernels
 
     return run_kernels(device=device, as_json=as_json, markdown=markdown)

@@ -21,20 +21,20 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from ..kernels import launch as launching
-from ..kernels.adjoint import SUMS, differentiable_union, weighted_sums
-from ..kernels.culling import cull, every_primitive
-from ..kernels.distance_grid import signed_distance_transform
-from ..kernels.field import cell_centres, primitives_at, union_at
-from ..kernels.gradient import union_gradient_at
-from ..kernels.mesh_grid import signed_distance_grid
-from ..kernels.mesh_query import MeshQuery
-from ..kernels.normal_equations import SYSTEM, normal_equations_at
-from ..kernels.owned_points import owned_points
-from ..kernels.points import grid_blocks, point_blocks
-from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.primitives import FAMILIES
-from ..kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
+from ...kernels import launch as launching
+from ...kernels.adjoint import SUMS, differentiable_union, weighted_sums
+from ...kernels.culling import cull, every_primitive
+from ...kernels.distance_grid import signed_distance_transform
+from ...kernels.field import cell_centres, primitives_at, union_at
+from ...kernels.gradient import union_gradient_at
+from ...kernels.mesh_grid import signed_distance_grid
+from ...kernels.mesh_query import MeshQuery
+from ...kernels.normal_equations import SYSTEM, normal_equations_at
+from ...kernels.owned_points import owned_points
+from ...kernels.points import grid_blocks, point_blocks
+from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.primitives import FAMILIES
+from ...kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
 
 PRIMITIVES, POINTS = 24, 20_480
 """The scene of the per-evaluation rows."""

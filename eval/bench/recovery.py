@@ -13,14 +13,14 @@ import time
 import numpy as np
 import warp as wp
 
-from ..decomposition.region import Region
-from ..fitter.config import ProposeConfig
-from ..fitter.propose import fit_regions
-from ..kernels import launch as launching
-from ..kernels.field import cell_centres, union_at
-from ..kernels.points import from_grid_blocks, grid_blocks
-from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.rows import ROTATION, SHAPES, empty_rows
+from ...decomposition.region import Region
+from ...fitter.config import ProposeConfig
+from ...fitter.propose import fit_regions
+from ...kernels import launch as launching
+from ...kernels.field import cell_centres, union_at
+from ...kernels.points import from_grid_blocks, grid_blocks
+from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.rows import ROTATION, SHAPES, empty_rows
 
 RESOLUTION = 96
 KINDS = ("tapered", "bent", "hollow", "ring", "mixed")

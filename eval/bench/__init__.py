@@ -1,0 +1,1 @@
+"""`resfit bench`: speed of the kernels, recovery of single primitives."""
