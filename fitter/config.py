@@ -18,6 +18,10 @@ class ProposeConfig:
 
     regions: int = 48
     """Most regions tried in a round."""
+    splits: int = 12
+    """Primitives, the worst ones, whose parts are tried anew."""
+    merges: int = 32
+    """Touching pairs of primitives that are tried as one."""
     points: int = 512
     """Sample points a region is fitted to."""
     keep: tuple[int, int] = (8, 2)

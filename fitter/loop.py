@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
+from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
 from ..decomposition.propose import propose_regions
+from ..decomposition.region import Region
 from ..kernels.field import cell_centres, union_at
 from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
@@ -21,7 +23,7 @@ from .config import FitConfig
 from .objective import ObjectiveSamples, Score, Tally
 from .outcome import Outcome, Round, Status
 from .propose import fit_regions
-from .refine import refine
+from .refine import fold, refine
 from .select import prune, select
 
 SATURATION = 5e-4
@@ -180,6 +182,8 @@ class Fit:
                 device=self.device,
                 most=config.propose.regions,
             )
+            if len(self.rows):
+                regions += self.neighbour_regions()
         if not regions or self.should_stop():
             return False
         self.tell("propose", number, 0.15)
@@ -223,6 +227,27 @@ class Fit:
             self.look()
         self.tell("prune", number, 1.0)
         return rise > SATURATION
+
+    def neighbour_regions(self) -> list[Region]:
+        """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
+        count, settings = len(self.rows), self.config.propose
+        cells, centres = coarse_inside(self.target.grid)
+        values = values_at(
+            self.rows, self.families(self.rows), point_blocks(centres, self.device), self.device
+        )
+        labels = label_parts(self.target.grid, values.argmin(0), cells)
+        pairs = neighbour_pairs(labels, count)[: settings.merges]
+        worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
+        singles = part_regions(labels, [(int(k),) for k in worst], "part")
+        split = [half for region in singles for half in halves(region)]
+        return singles + split + part_regions(labels, pairs, "pair")
+
+    def errors(self) -> np.ndarray:
+        """Weight of the wrong samples that each primitive answers for, (primitive_count,)."""
+        values = self.values(self.rows)
+        wrong = (fold(values, self.rows[:, BLEND]) < 0) != self.samples.inside
+        owners = values[:, wrong].argmin(0)
+        return np.bincount(owners, self.samples.weight[wrong], minlength=len(self.rows))
 
     def choose(self, pool: np.ndarray) -> list[int]:
         """Indices into the pool; the primitives so far come first in it and may be swapped out."""

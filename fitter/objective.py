@@ -169,3 +169,21 @@ class Chooser:
         gains = self.tally.objective(self.held + self.sums, count + 1, self.alpha, false_volume) - now
         gains[self.chosen] = -np.inf
         return gains
+
+    def best_removal(self, keep: int = -1) -> tuple[int, float]:
+        """The member, other than `keep`, whose removal raises the objective most, and by how much."""
+        now, count = self.score(), len(self.chosen)
+        best, best_gain = -1, -np.inf
+        for member in self.chosen:
+            if member == keep:
+                continue
+            points = self.points[member]
+            counts = self.counts[points]
+            alone = points[counts == 1]
+            held = self.held.copy()
+            held[:5] -= self.values[alone].sum(0)
+            held[5] -= self.tally.box[points[counts == 2]].sum()
+            gain = float(self.tally.objective(held, count - 1, self.alpha)) - now
+            if gain > best_gain:
+                best, best_gain = member, gain
+        return best, best_gain

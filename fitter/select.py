@@ -9,6 +9,10 @@ from .objective import Chooser, Tally
 
 EXCHANGES = 3
 """Passes over the chosen ones in search of something better; later passes hardly ever find any."""
+REPLACEMENTS = 3
+"""Candidates that may take the place of one."""
+WIDE_LOOK = 24
+"""Candidates whose addition alone does not pay that are tried as a replacement of several."""
 
 
 def select(
@@ -44,7 +48,7 @@ def select(
             beginning.add(leader)
     for beginning in beginnings:
         _grow(beginning, config, most)
-        _exchange(beginning)
+        _exchange(beginning, most)
     return max(beginnings, key=Chooser.score).chosen if beginnings else []
 
 
@@ -58,22 +62,48 @@ def _grow(choice: Chooser, config: SelectConfig, most: int) -> None:
             choice.add(leader)
 
 
-def _exchange(choice: Chooser) -> None:
-    """Take one out, or put a better one in its place, as long as that raises the objective."""
+def _exchange(choice: Chooser, most: int) -> None:
+    """Moves that lift the objective where no single addition does: replace one by several, or several by one."""
     for _ in range(EXCHANGES):
-        changed = False
+        before = choice.score()
         for member in list(choice.chosen):
-            before = choice.score()
-            choice.remove(member)
-            leader, gain = choice.best_addition()
-            if leader != member and choice.score() + max(gain, 0.0) > before + 1e-6:
-                if gain > 0:
-                    choice.add(leader)
-                changed = True
-            else:
-                choice.add(member)
-        if not changed:
+            _try(choice, most, removed=member)
+        gains = choice.gains()
+        for leader in np.argsort(-gains, kind="stable")[:WIDE_LOOK]:
+            if gains[leader] > -np.inf and leader not in choice.chosen:
+                _try(choice, most, added=int(leader))
+        if choice.score() <= before + 1e-6:
             return
+
+
+def _try(choice: Chooser, most: int, removed: int | None = None, added: int | None = None) -> None:
+    """Make a change and let greedy additions or removals follow; undo all of it unless the objective rose."""
+    before, members = choice.score(), list(choice.chosen)
+    if removed is not None:
+        choice.remove(removed)
+        for _ in range(REPLACEMENTS):
+            leader, gain = choice.best_addition()
+            if gain <= 0 or leader == removed or len(choice.chosen) >= most:
+                break
+            choice.add(leader)
+    if added is not None:
+        choice.add(added)
+        _remove_redundant(choice, added)
+    if choice.score() > before + 1e-6 and len(choice.chosen) <= most:
+        return
+    for member in [member for member in choice.chosen if member not in members]:
+        choice.remove(member)
+    for member in [member for member in members if member not in choice.chosen]:
+        choice.add(member)
+
+
+def _remove_redundant(choice: Chooser, newcomer: int) -> None:
+    """Take out, one by one, the member whose absence raises the objective most."""
+    while len(choice.chosen) > 1:
+        leaver, gain = choice.best_removal(newcomer)
+        if gain <= 0:
+            return
+        choice.remove(leaver)
 
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float) -> list[int]:
@@ -81,15 +111,5 @@ def prune(bits: np.ndarray, tally: Tally, alpha: float) -> list[int]:
     choice = Chooser(bits, tally, alpha)
     for index in range(len(bits)):
         choice.add(index)
-    while len(choice.chosen) > 1:
-        before = choice.score()
-        scores = {}
-        for member in list(choice.chosen):
-            choice.remove(member)
-            scores[member] = choice.score()
-            choice.add(member)
-        best = max(sorted(scores), key=lambda member: scores[member])
-        if scores[best] < before:
-            break
-        choice.remove(best)
+    _remove_redundant(choice, -1)
     return sorted(choice.chosen)
