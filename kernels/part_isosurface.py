@@ -110,6 +110,8 @@ def grid_cells(entry: Family, shape: np.ndarray, side: np.ndarray, resolution: i
         thin[:2] = np.minimum(thin[:2], wall + 2.0 * dilation)
     if parameter_value(entry, shape, "bulge", 0.0) != 0.0:
         thin[[0, 2]] = thin[[0, 2]].min()
+    # A wall of no width (onion 1, no dilation) has no inside to find, and must not divide by zero.
+    thin = np.maximum(thin, 1e-6)
     cells = np.clip(resolution * side / side.max(), min(SHORT_SIDE_CELLS, resolution), resolution)
     cells = np.clip(np.maximum(cells, WALL_CELLS * side / thin), None, max(MAX_CELLS, resolution))
     cells *= min(1.0, (MAX_POINTS / float(cells.prod())) ** (1 / 3))
