@@ -115,9 +115,9 @@ def grow_back(
     part = solid & (away <= radius + 0.5)
     labels, count = label_components(solid & ~part)
     if count:
-        furthest = ndimage.maximum(away, labels, np.arange(1, count + 1))
-        absorbed = np.zeros(count + 1, bool)
-        absorbed[1:] = np.asarray(furthest) <= reach
+        absorbed = np.ones(count + 1, bool)
+        absorbed[labels[away > reach]] = False
+        absorbed[0] = False
         part |= absorbed[labels]
     return part, box
 

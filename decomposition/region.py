@@ -39,16 +39,25 @@ class Region:
         return self._centres_of(np.flatnonzero(self.mask))
 
     def sample(self, count: int) -> np.ndarray:
-        """At most `count` of the centres, spread evenly over the region; always the same ones.
-
-        One cell is drawn at random from each of `count` equal runs of cells: evenly spaced ones would fall in
-        step with the rows of the grid.
-        """
+        """At most `count` of the centres, spread evenly over the region; always the same ones."""
         cells = np.flatnonzero(self.mask)
         if len(cells) > count:
-            shares = np.arange(count) + np.random.default_rng(_JITTER_SEED).random(count)
-            cells = cells[(shares * (len(cells) / count)).astype(np.int64)]
+            cells = cells[spread_indices(len(cells), count)]
         return self._centres_of(cells)
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (3, 3) of the cells' centres, normalised frame: of all of them, unlike that of a sample."""
+        # Sums over one axis hold all first and second moments.
+        xy, xz, yz = (self.mask.sum(axis=axis, dtype=np.int32).astype(np.float64) for axis in (2, 1, 0))
+        places = [np.arange(size, dtype=np.float64) for size in self.mask.shape]
+        masses = [xy.sum(axis=1), xy.sum(axis=0), yz.sum(axis=0)]
+        centre = [mass @ place / self.volume for mass, place in zip(masses, places, strict=True)]
+        x, y, z = (place - middle for place, middle in zip(places, centre, strict=True))
+        squares = np.diag([mass @ away**2 for mass, away in zip(masses, (x, y, z), strict=True)])
+        squares[0, 1] = squares[1, 0] = x @ xy @ y
+        squares[0, 2] = squares[2, 0] = x @ xz @ z
+        squares[1, 2] = squares[2, 1] = y @ yz @ z
+        return squares * ((2.0 / self.resolution) ** 2 / self.volume)
 
     def describe(self) -> dict[str, object]:
         """What a history keeps of it: source, volume in cells, and the box it fills, [lower, upper) in cells."""
@@ -75,6 +84,15 @@ class Region:
     def _centres_of(self, cells: np.ndarray) -> np.ndarray:
         index = np.stack(np.unravel_index(cells, self.mask.shape), axis=1) + self.lower
         return ((index + 0.5) * (2.0 / self.resolution) - 1.0).astype(np.float32)
+
+
+def spread_indices(length: int, count: int) -> np.ndarray:
+    """`count` indices below `length`, one at random from each of `count` equal runs; always the same ones.
+
+    Evenly spaced ones would fall in step with the rows of a grid.
+    """
+    shares = np.arange(count) + np.random.default_rng(_JITTER_SEED).random(count)
+    return (shares * (length / count)).astype(np.int64)
 
 
 def region_from_mask(mask: np.ndarray, lower: np.ndarray, resolution: int, source: str) -> Region | None:

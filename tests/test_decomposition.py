@@ -1,0 +1,212 @@
+"""Regions of known solids: what is found, what is noise, what is thin on purpose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from scipy import ndimage
+
+from resfit.decomposition.msd import coarsen, peel
+from resfit.decomposition.propose import propose_regions
+from resfit.decomposition.region import Region, region_from_mask, without_duplicates
+from resfit.decomposition.residual import find_residual, residual_components
+from resfit.kernels.morphology import deepest_core
+
+
+def cells(resolution: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates x, y, z of the cell centres of [-1, 1]^3, each (n, n, n)."""
+    line = (np.arange(resolution) + 0.5) * (2.0 / resolution) - 1.0
+    x, y, z = np.meshgrid(line, line, line, indexing="ij")
+    return x, y, z
+
+
+def ball(at: tuple[float, float, float], radius: float, resolution: int = 64) -> np.ndarray:
+    x, y, z = cells(resolution)
+    return np.sqrt((x - at[0]) ** 2 + (y - at[1]) ** 2 + (z - at[2]) ** 2) - radius
+
+
+def box(
+    low: tuple[float, float, float], high: tuple[float, float, float], resolution: int = 64
+) -> np.ndarray:
+    q = [np.maximum(a - side, b - a) * 1.0 for a, b, side in zip(cells(resolution), low, high, strict=True)]
+    return np.sqrt(sum(np.maximum(side, 0.0) ** 2 for side in q)) + np.minimum(np.maximum.reduce(q), 0.0)
+
+
+def grid(*solids: np.ndarray) -> np.ndarray:
+    """Union of signed distances, float32."""
+    return np.minimum.reduce(solids).astype(np.float32)
+
+
+def dumbbell() -> np.ndarray:
+    return grid(
+        ball((-0.5, 0, 0), 0.3), ball((0.5, 0, 0), 0.34), box((-0.5, -0.07, -0.07), (0.5, 0.07, 0.07))
+    )
+
+
+def paint(region: Region) -> np.ndarray:
+    full = np.zeros([region.resolution] * 3, bool)
+    low, high = region.lower, region.lower + region.mask.shape
+    full[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = region.mask
+    return full
+
+
+def share(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+def test_two_balls_and_a_rod_come_apart_in_order_of_thickness(device: wp.Device) -> None:
+    solid = dumbbell()
+    parts = peel(-solid * 32, 0.005, device)
+    rod = box((-0.2, -0.07, -0.07), (0.16, 0.07, 0.07)) < 0
+    assert share(parts[0], ball((0.5, 0, 0), 0.34) < 0) > 0.9
+    assert share(parts[1], ball((-0.5, 0, 0), 0.3) < 0) > 0.9
+    assert share(parts[2], rod) > 0.75
+    assert not (parts[0] & parts[1]).any() and not (parts[1] & parts[2]).any()
+
+
+def test_torus_is_one_part(device: wp.Device) -> None:
+    x, y, z = cells()
+    solid = grid(np.sqrt((np.sqrt(x * x + y * y) - 0.55) ** 2 + z * z) - 0.2)
+    regions = propose_regions(solid, first_round=True, device=device)
+    assert regions[0].source == "solid"
+    assert share(paint(regions[0]), solid < 0) == 1.0
+    assert share(peel(-solid * 32, 0.12, device)[0], solid < 0) > 0.9
+
+
+def test_angle_bracket_gives_both_arms(device: wp.Device) -> None:
+    post, foot = box((-0.6, -0.2, -0.6), (-0.3, 0.2, 0.6)), box((-0.6, -0.2, -0.6), (0.6, 0.2, -0.4))
+    parts = peel(-grid(post, foot) * 32, 0.03, device)
+    assert max(share(part, post < 0) for part in parts) > 0.7
+    assert max(share(part, (foot < 0) & (post > 0)) for part in parts) > 0.7
+
+
+def test_corners_of_a_box_go_with_it(device: wp.Device) -> None:
+    solid = box((-0.5, -0.4, -0.3), (0.5, 0.4, 0.3)).astype(np.float32)
+    parts = peel(-solid * 32, 0.03, device)
+    assert len(parts) == 1
+    assert (parts[0] == (solid < 0)).all()
+
+
+def test_noise_round_a_fitted_surface_is_no_residual(rng: np.random.Generator, device: wp.Device) -> None:
+    solid = ball((0, 0, 0), 0.6).astype(np.float32)
+    explained = (solid + (2 / 64) * rng.uniform(0.0, 0.9, solid.shape)).astype(np.float32)
+    assert find_residual(solid, explained) is None
+    assert propose_regions(solid, explained, first_round=False, device=device) == []
+    # A ball of a quarter of the radius less leaves a thick shell, which is no noise.
+    thick = find_residual(solid, ball((0, 0, 0), 0.45).astype(np.float32))
+    assert thick is not None and thick.volume > 10_000
+
+
+@pytest.mark.parametrize("thickness", [0.02, 0.04, 0.1])
+def test_thin_plate_beside_what_is_explained_is_kept(thickness: float, device: wp.Device) -> None:
+    resolution = 64
+    at = 31.5 * 2 / resolution - 1 + 0.5 * 2 / resolution  # a layer of cell centres
+    x, _, _ = cells(resolution)
+    layer = float(x[32, 0, 0])
+    plate = box((layer - thickness / 2, -0.5, -0.5), (layer + thickness / 2, 0.5, 0.5))
+    body = ball((-0.6, 0, 0), 0.3)
+    assert at < layer
+    regions = propose_regions(grid(plate, body), body.astype(np.float32), first_round=False, device=device)
+    assert regions
+    assert share(paint(regions[0]), plate < 0) > 0.95
+
+
+def test_residual_parts_are_components_largest_first(device: wp.Device) -> None:
+    body, knob, peg = ball((0, 0, 0), 0.4), ball((0.7, 0, 0), 0.2), ball((-0.7, 0, 0), 0.15)
+    regions = propose_regions(
+        grid(body, knob, peg), body.astype(np.float32), first_round=False, device=device
+    )
+    components = [region for region in regions if region.source == "component"]
+    assert share(paint(components[0]), knob < 0) == 1.0
+    assert share(paint(components[1]), peg < 0) == 1.0
+    assert [region.volume for region in regions] == sorted((r.volume for r in regions), reverse=True)
+
+
+def test_proposals_are_the_same_every_time_and_differ_from_each_other(device: wp.Device) -> None:
+    first, second = (propose_regions(dumbbell(), first_round=True, device=device) for _ in range(2))
+    assert [region.describe() for region in first] == [region.describe() for region in second]
+    assert all((a.mask == b.mask).all() for a, b in zip(first, second, strict=True))
+    assert all(a.overlap(b) <= 0.9 for i, a in enumerate(first) for b in first[:i])
+    assert len(propose_regions(dumbbell(), first_round=True, device=device, most=2)) == 2
+
+
+@pytest.mark.parametrize("resolution", [2, 5, 9])
+def test_tiny_and_empty_grids(resolution: int, device: wp.Device) -> None:
+    shape = (resolution,) * 3
+    assert propose_regions(np.ones(shape, np.float32), first_round=True, device=device) == []
+    solid = np.full(shape, -0.5, np.float32)
+    assert propose_regions(solid, solid, first_round=False, device=device) == []
+    far = np.full(shape, 1e30, np.float32)
+    regions = propose_regions(solid, far, first_round=True, device=device)
+    assert [region.volume for region in regions] == ([resolution**3] if resolution > 2 else [])
+
+
+def deepest_by_labelling(depth: np.ndarray, volume: int) -> tuple[float, np.ndarray]:
+    """Threshold and labels of the deepest level with a component of `volume` cells."""
+    levels = np.floor(depth * 8)
+    for level in range(int(levels.max()), -1, -1):
+        labels, _ = ndimage.label((levels >= level) & (depth > 0))
+        if np.bincount(labels.ravel())[1:].max(initial=0) >= volume:
+            return max(level, 0.5) / 8, labels
+    raise AssertionError("no level has it")
+
+
+def test_deepest_core_is_what_labelling_every_level_finds(
+    rng: np.random.Generator, device: wp.Device
+) -> None:
+    depth = ndimage.gaussian_filter(rng.normal(size=(20, 17, 23)), 1.5).astype(np.float32) * 20
+    for volume in (1, 7, 40, 300):
+        core = deepest_core(depth, volume)
+        assert core is not None
+        found = np.zeros(depth.shape, bool)
+        found.reshape(-1)[core.cells] = True
+        threshold, labels = deepest_by_labelling(depth, volume)
+        volumes = np.bincount(labels.ravel())[1:]
+        assert core.threshold == threshold
+        assert found.sum() == volumes.max()
+        assert len(np.unique(labels[found])) == 1
+    assert deepest_core(depth, depth.size) is None
+
+
+def test_coarse_grid_is_refused_where_parts_would_vanish() -> None:
+    thick = find_residual(box((-0.5, -0.4, -0.3), (0.5, 0.4, 0.3)).astype(np.float32))
+    thin = find_residual(box((-0.6, -0.6, 0.0), (0.6, 0.6, 0.03)).astype(np.float32))
+    assert thick is not None and coarsen(thick) is not None
+    assert thin is not None and coarsen(thin) is None
+
+
+def test_region_names_places_and_samples_its_cells(rng: np.random.Generator) -> None:
+    mask = rng.random((9, 8, 7)) < 0.3
+    region = region_from_mask(np.pad(mask, 2), np.array([1, 2, 3]), 32, "component")
+    assert region is not None
+    assert region.volume == mask.sum() == len(region.centres())
+    index = np.round((region.centres() + 1) * 16 - 0.5).astype(int) - [3, 4, 5]
+    assert mask[tuple(index.T)].all()
+    points = region.sample(40)
+    assert points.shape == (40, 3)
+    assert {tuple(p) for p in points.tolist()} <= {tuple(p) for p in region.centres().tolist()}
+    assert (points == region.sample(40)).all()
+    np.testing.assert_allclose(region.covariance(), np.cov(region.centres().T, bias=True), atol=1e-6)
+    assert region_from_mask(np.zeros((3, 3, 3), bool), np.zeros(3), 32, "component") is None
+
+
+def test_duplicates_are_dropped_and_the_first_stays() -> None:
+    cube = np.ones((10, 10, 10), bool)
+    shaved = cube.copy()
+    shaved[0, 0] = False
+    regions = [
+        Region(np.array([4, 4, 4]), cube, 32, "first"),
+        Region(np.array([4, 4, 4]), shaved, 32, "second"),
+        Region(np.array([5, 4, 4]), cube, 32, "third"),
+    ]
+    assert [region.source for region in without_duplicates(regions)] == ["first", "third"]
+    assert regions[0].overlap(regions[2]) == pytest.approx(900 / 1100)
+
+
+def test_components_smaller_than_asked_are_left_out() -> None:
+    residual = find_residual(grid(ball((0, 0, 0), 0.3), ball((0.7, 0, 0), 0.08)))
+    assert residual is not None
+    assert len(residual_components(residual)) == 2
+    assert len(residual_components(residual, smallest=100)) == 1
+    assert len(residual_components(residual, most=1)) == 1
