@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from resfit.api import export
+    from resfit.api import FitConfig, FitResult, export, fit
     from resfit.assembly.assembly import Assembly
     from resfit.assembly.primitive import Pose, Primitive
     from resfit.assembly.transform import Transform
@@ -17,15 +17,29 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = ["Assembly", "Pose", "Primitive", "ResfitError", "Transform", "__version__", "export"]
+__all__ = [
+    "Assembly",
+    "FitConfig",
+    "FitResult",
+    "Pose",
+    "Primitive",
+    "ResfitError",
+    "Transform",
+    "__version__",
+    "export",
+    "fit",
+]
 
 _HOMES = {
     "Assembly": "resfit.assembly.assembly",
+    "FitConfig": "resfit.fitter.config",
+    "FitResult": "resfit.result",
     "Pose": "resfit.assembly.primitive",
     "Primitive": "resfit.assembly.primitive",
     "ResfitError": "resfit.errors",
     "Transform": "resfit.assembly.transform",
     "export": "resfit.api",
+    "fit": "resfit.api",
 }
 
 

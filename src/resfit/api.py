@@ -2,7 +2,175 @@
 
 from __future__ import annotations
 
-from resfit.assembly.assembly import Assembly
-from resfit.export.by_suffix import export_assembly as export
+import os
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
-__all__ = ["Assembly", "export"]
+import numpy as np
+
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.transform import Transform
+from resfit.clock import Clock
+from resfit.errors import InputError
+from resfit.export.by_suffix import export_assembly as export
+from resfit.fitter.config import FitConfig, preset_config
+from resfit.fitter.loop import Progress, fit_target
+from resfit.kernels import launch
+from resfit.kernels.primitives import FAMILIES
+from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
+from resfit.measure import measure_outcome
+from resfit.result import FitResult, timed
+from resfit.target.target import Target, make_target
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Assembly", "FitConfig", "FitResult", "Progress", "export", "fit"]
+
+TARGET_SHARE = 0.1
+"""Of the work, as the progress bar counts it: what loading and measuring the mesh takes."""
+
+TARGET_STAGES = ("load", "solid", "grid", "samples")
+
+
+class FitOptions(TypedDict, total=False):
+    """Fields of `FitConfig` that `fit` takes as keywords too; None leaves one as it is."""
+
+    device: str | None
+    seed: int | None
+    max_primitives: int | None
+    target_iou: float | None
+    tolerance: float | None
+    timeout: float | None
+    rounds: int | None
+    primitive: str | None
+    union: Literal["smooth", "hard"] | None
+    parsimony: float | None
+
+
+def fit(
+    mesh_or_path: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene,
+    config: FitConfig | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    *,
+    preset: str | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    init: Assembly | str | os.PathLike[str] | None = None,
+    clock: Clock | None = None,
+    **options: Unpack[FitOptions],
+) -> FitResult:
+    """Fit an assembly of primitives to a mesh.
+
+    Args:
+        mesh_or_path: a path in any format that trimesh reads, or a trimesh object.
+        config: all options; those of `preset` unless given.
+        on_progress: called at the beginning of each stage.
+        preset: fast, balanced (unless told otherwise) or best.
+        should_stop: asked often; once True, the best so far is returned.
+        init: an assembly to start from, a path of one, or the folder of a fit.
+        clock: what `cpu_s` and `wall_s` count from; this call, unless given.
+        options: fields of the configuration to change.
+
+    Raises:
+        InputError: if the mesh cannot be read or holds nothing solid, or an option makes no sense.
+    """
+    clock = clock or Clock.now()
+    config = make_config(config, preset, dict(options))
+    start = None if init is None else load_init(init)
+    begin, compiled = Clock.now(), launch.compile_seconds
+    device = launch.choose_device(config.device)
+    timings = {"start": clock.wall_s}
+    tell = on_progress or (lambda progress: None)
+    target = _measure(mesh_or_path, config, tell, timings)
+    limited = config
+    if config.timeout:
+        # It counts from the call, not from the first round; once it is over, not even one is begun.
+        limited = replace(config, timeout=max(1e-9, config.timeout - begin.wall_s))
+    outcome = fit_target(
+        target,
+        limited,
+        device,
+        lambda progress: tell(_later(progress)),
+        should_stop or (lambda: False),
+        None if start is None else start_rows(start, config.primitive, target.transform),
+    )
+    timings |= outcome.timings
+    timings["compile"] = launch.compile_seconds - compiled
+    name = mesh_or_path if isinstance(mesh_or_path, str | os.PathLike) else None
+    return measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
+
+
+def make_config(config: FitConfig | None, preset: str | None, options: dict[str, Any]) -> FitConfig:
+    """The configuration that `fit` was asked for; options that are None change nothing.
+
+    Raises:
+        InputError: for an unknown option or preset, a value out of range, or a configuration and a preset at once.
+    """
+    names = [field.name for field in fields(FitConfig)]
+    for name in options:
+        if name not in names:
+            raise InputError(f"there is no option {name}; the options are {', '.join(sorted(names))}.")
+    if config is None:
+        return preset_config(preset or "balanced", **options)
+    if preset is not None:
+        raise InputError("give a preset or a config, not both.")
+    return replace(config, **{name: value for name, value in options.items() if value is not None})
+
+
+def load_init(init: Assembly | str | os.PathLike[str]) -> Assembly:
+    """The assembly to start from; a folder stands for the assembly.json in it.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    if isinstance(init, Assembly):
+        return init
+    path = Path(init)
+    return Assembly.load(path / "assembly.json" if path.is_dir() else path)
+
+
+def start_rows(assembly: Assembly, primitive: str, transform: Transform) -> np.ndarray:
+    """Rows (k, ROW) float32 of an assembly in the normalised frame of `transform`.
+
+    Raises:
+        InputError: if a part is of another family than `primitive`.
+    """
+    for part in assembly.primitives:
+        if part.family != primitive:
+            raise InputError(
+                f"{part.name} of the assembly to start from is a {part.family}, but {primitive} is fitted;"
+                f" use --primitive {part.family} or another assembly."
+            )
+    rows = assembly.rows()
+    ratio = assembly.transform.scale / transform.scale
+    if not len(rows) or (ratio == 1.0 and assembly.transform == transform):
+        return rows
+    place = slice(TRANSLATION, TRANSLATION + 3)
+    rows[:, place] = transform.to_normalised(assembly.transform.to_mesh(rows[:, place]))
+    shapes = rows[:, SHAPES : SHAPES + SHAPE]
+    for parameter in FAMILIES[primitive].parameters:
+        if parameter.unit == "length":
+            shapes[:, FAMILIES[primitive].columns(parameter.name)] *= ratio
+    rows[:, BLEND] *= ratio
+    return rows
+
+
+def _measure(
+    source: Any, config: FitConfig, tell: Callable[[Progress], None], timings: dict[str, float]
+) -> Target:
+    """The target of a mesh; its stages are reported, and timed as one."""
+
+    def begin(stage: str) -> None:
+        done = TARGET_STAGES.index(stage) / len(TARGET_STAGES) if stage in TARGET_STAGES else 0.0
+        tell(Progress(stage, 0, config.rounds, 0, 0.0, 0.0, TARGET_SHARE * done))
+
+    with timed(timings, "target"):
+        device = launch.choose_device(config.device)
+        return make_target(source, device, config.resolution, config.samples, config.seed, begin)
+
+
+def _later(progress: Progress) -> Progress:
+    """Progress of the rounds as a share of the whole fit."""
+    return replace(progress, fraction=TARGET_SHARE + (1.0 - TARGET_SHARE) * progress.fraction)

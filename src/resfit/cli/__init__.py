@@ -1,7 +1,8 @@
 """The command line: one file a command.
 
 Exit codes: 0 done; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input (one
-sentence, nothing written); 4 interrupted. Modules of commands import nothing heavy, so that `--help` is quick.
+sentence, nothing written); 4 stopped early, the best so far written. Modules of commands import nothing heavy, so that
+`--help` is quick.
 """
 
 from __future__ import annotations
@@ -20,15 +21,24 @@ if TYPE_CHECKING:
 
 DEFECT, STOPPED = 1, 4
 
+HELP_ALL = "--help-all"
+"""Like --help, with the options that few people need."""
 
-def build_app() -> App:
-    """The application with all its commands."""
+
+def build_app(everything: bool = False) -> App:
+    """The application with all its commands.
+
+    Args:
+        everything: whether help shows the options that few people need.
+    """
     from cyclopts import App
 
     import resfit
     from resfit.cli.bench import bench
+    from resfit.cli.demo import demo
     from resfit.cli.doctor import doctor
     from resfit.cli.export import export
+    from resfit.cli.fit import MORE, fit
 
     app = App(
         name="resfit",
@@ -36,9 +46,13 @@ def build_app() -> App:
         version=lambda: resfit.__version__,
         suppress_keyboard_interrupt=False,
     )
+    # Groups are frozen, and whether one is shown cannot be told to the application.
+    object.__setattr__(MORE, "_show", everything)
+    app.command(fit)
     app.command(export)
     app.command(bench)
     app.command(doctor)
+    app.command(demo)
     return app
 
 
@@ -66,8 +80,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: list[str]) -> int:
     from cyclopts import CycloptsError
 
+    everything = HELP_ALL in arguments
+    arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
     try:
-        code = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        code = build_app(everything)(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
     except CycloptsError as error:
         raise InputError(f"{error} See resfit --help.") from error
     sys.stdout.flush()

@@ -1,0 +1,34 @@
+"""`resfit demo`: a fit of a mesh that comes with the package."""
+
+from __future__ import annotations
+
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from resfit.cli.fit import run_fit
+
+MESH = "potted_cactus.glb"
+
+
+def demo(
+    *,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    preset: Literal["fast", "balanced", "best"] = "balanced",
+    device: str = "auto",
+) -> int:
+    """Fit a mesh that comes with resfit, and write it to a folder: look at preview.png first.
+
+    Args:
+        output: folder to write; potted_cactus.resfit in the current folder unless given.
+        preset: how much work to spend.
+        device: auto, cpu or cuda:0.
+    """
+    from resfit.folder import default_folder
+
+    with as_file(files("resfit.data") / MESH) as mesh:
+        return run_fit(
+            mesh, output or default_folder(Path(MESH)), "auto", {"preset": preset, "device": device}
+        )

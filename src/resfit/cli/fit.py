@@ -1,0 +1,158 @@
+"""`resfit fit`: a mesh as an assembly of primitives, in a folder."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Group, Parameter
+
+from resfit.cli.progress import ProgressMode, Reporter, make_reporter
+from resfit.cli.stop import Stop, catching_signals
+from resfit.clock import Clock
+from resfit.folder import OURS, check_folder, default_folder, holds_fit
+
+if TYPE_CHECKING:
+    from resfit.result import FitResult
+
+STOPPED = 4
+
+MORE = Group("More options", show=False)
+"""Shown by --help-all only."""
+
+
+def fit(
+    mesh: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    preset: Literal["fast", "balanced", "best"] = "balanced",
+    device: str = "auto",
+    seed: int = 0,
+    max_primitives: int | None = None,
+    target_iou: float | None = None,
+    tolerance: float | None = None,
+    timeout: Annotated[float | None, Parameter(group=MORE)] = None,
+    rounds: Annotated[int | None, Parameter(group=MORE)] = None,
+    primitive: Annotated[str | None, Parameter(group=MORE)] = None,
+    union: Annotated[Literal["smooth", "hard"] | None, Parameter(group=MORE)] = None,
+    init: Annotated[Path | None, Parameter(group=MORE)] = None,
+    parsimony: Annotated[float | None, Parameter(group=MORE)] = None,
+    progress: Annotated[ProgressMode, Parameter(group=MORE)] = "auto",
+) -> int:
+    """Fit an assembly of primitives to a mesh, and write it to a folder.
+
+    Ctrl-C keeps the best so far; a second one aborts. More options: resfit fit --help-all.
+
+    Args:
+        mesh: a mesh in any common format: .glb .obj .ply .stl .off .3mf ...
+        output: folder to write; STEM.resfit in the current folder unless given. It may hold an earlier fit.
+        preset: how much work to spend.
+        device: auto, cpu or cuda:0.
+        seed: of all random choices.
+        max_primitives: stop at this many parts; 64 unless given.
+        target_iou: stop once the assembly matches the solid this well, 0 to 1.
+        tolerance: stop once 95 % of the surface is nearer than this, in the mesh's units.
+        timeout: seconds after which the best so far is written.
+        rounds: most rounds of fitting.
+        primitive: family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.
+        union: whether parts may run into each other smoothly; smooth unless given.
+        init: assembly.json, or the folder of an earlier fit, to start from.
+        parsimony: what a part must add to the objective to be worth having; 0.001 unless given.
+        progress: a bar if stderr is a terminal (auto), one JSON object a line on stderr (json), or none.
+    """
+    options = {
+        "preset": preset,
+        "device": device,
+        "seed": seed,
+        "max_primitives": max_primitives,
+        "target_iou": target_iou,
+        "tolerance": tolerance,
+        "timeout": timeout,
+        "rounds": rounds,
+        "primitive": primitive,
+        "union": union,
+        "init": init,
+        "parsimony": parsimony,
+    }
+    return run_fit(mesh, output or default_folder(mesh), progress, options)
+
+
+def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any]) -> int:
+    """Fit, write and sum up; returns the exit code.
+
+    Args:
+        mesh: the file.
+        folder: where the fit goes.
+        progress: how to show it.
+        options: keywords of `resfit.api.fit`.
+
+    Raises:
+        InputError: before the work begins, if the mesh, an option or the folder cannot be used.
+    """
+    init = options.get("init")
+    inputs = [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
+    check_folder(folder, inputs)
+    with catching_signals() as stop, make_reporter(progress) as reporter:
+        reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
+        from resfit.api import fit as fit_mesh
+
+        should_stop = _told_once(stop, reporter)
+        result = fit_mesh(
+            mesh, None, reporter.show, should_stop=should_stop, clock=Clock.of_process(), **options
+        )
+        code = STOPPED if result.status.stopped_early or stop.requested else 0
+        # What was stopped before it began is worth less than an earlier fit.
+        written = None if result.placeholder and holds_fit(folder) else str(folder)
+        if written:
+            reporter.tell("writing")
+            result.save(folder)
+        reporter.tell("done", status=result.status.name.lower(), exit_code=code, directory=written)
+    if written:
+        sys.stdout.write(summary(result, folder))
+    else:
+        sys.stderr.write(
+            f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.\n"
+        )
+    return code
+
+
+def _told_once(stop: Stop, reporter: Reporter) -> Any:
+    """`stop`, which tells the reporter when it is first found to be wanted."""
+    told = False
+
+    def should_stop() -> bool:
+        nonlocal told
+        if stop.requested and not told:
+            told = True
+            reporter.tell("stopping")
+        return stop.requested
+
+    return should_stop
+
+
+def summary(result: FitResult, folder: Path) -> str:
+    """What people want to know first, in a few lines."""
+    count, iou = result.metrics["primitive_count"], result.metrics["iou"]
+    parts = f"{count} part{'' if count == 1 else 's'}"
+    distance = "no surface"
+    if result.deviation is not None:
+        distance = f"95 % of the surface within {result.deviation.p95:.3g} (mesh units)"
+    # A thick shell round an open sheet is easy to match: there the distance says more.
+    figures = (
+        [f"IoU {iou:.3f}", distance] if result.input.closed else [distance, f"IoU {iou:.3f} of the solid"]
+    )
+    stopped = result.status.value
+    if result.placeholder:
+        stopped = "stopped before a part was found: the one part is a box around the mesh"
+    elif not count:
+        stopped = "no part would have raised the objective: the assembly is empty"
+    lines = [
+        f"{result.input.name}: {parts}, {', '.join(figures)}, {result.metrics['wall_s']:.1f} s",
+        f"  input    {result.input.sentence}",
+        *(f"           {note}" for note in result.input.notes),
+        f"  stopped  {stopped}",
+        f"  written  {folder}/ {' '.join(name for name in OURS if (folder / name).exists())}",
+    ]
+    return "\n".join(lines) + "\n"

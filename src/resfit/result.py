@@ -1,0 +1,195 @@
+"""What a fit returns, and the only place that writes a fit's folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.atomic_write import write_bytes
+from resfit.assembly.colors import rgb
+from resfit.assembly.history import History
+from resfit.clock import Clock, peak_mb
+from resfit.eval.metrics import Deviation
+from resfit.export.by_suffix import export_assembly
+from resfit.fitter.outcome import Status
+from resfit.folder import REPORT, REPORT_FORMAT, filling
+from resfit.kernels.camera import frame_bounds
+from resfit.kernels.launch import choose_device, core_count
+from resfit.kernels.raytrace import render_assembly, render_mesh
+from resfit.target.target import Target
+
+REPORT_VERSION = 1
+
+PANEL = (480, 360)
+"""Width and height of each half of the preview, in pixels."""
+
+CLOSED_KINDS = ("closed", "flipped", "reoriented", "union")
+"""Kinds of solids whose inside the mesh itself tells: IoU is a headline for these only."""
+
+Z_UP_SUFFIXES = (".stl", ".3mf", ".off", ".step", ".stp")
+"""Formats of CAD, where z points up; in glTF and most others it is y. Only the preview depends on it."""
+
+
+@dataclass(frozen=True)
+class InputInfo:
+    """What was given, and what it was decided to be."""
+
+    name: str
+    """The file's name without its folder; `mesh` for one in memory."""
+    sha256: str
+    vertices: int
+    faces: int
+    kind: str
+    """closed, flipped, reoriented, union, winding, shell or mixed."""
+    closed: bool
+    sentence: str
+    """What the solid was decided to be."""
+    notes: tuple[str, ...]
+    """What else was changed on the way."""
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """An assembly, how good it is, and how it came about."""
+
+    assembly: Assembly
+    """In the input's frame and units, by its transform."""
+    status: Status
+    """Why the fit stopped; its value is a sentence."""
+    history: History
+    """Every round."""
+    metrics: dict[str, float | int]
+    """iou, overlap, unoverlap, primitive_count, floats, cpu_s, wall_s, peak_mb."""
+    timings: dict[str, float]
+    """Wall seconds by stage; `compile` is contained in the stages in which kernels were compiled or loaded."""
+    input: InputInfo
+    deviation: Deviation | None
+    """Distances between the two surfaces in mesh units; None if the assembly has no surface."""
+    objective: dict[str, float]
+    """The objective and its parts, on the fit's samples."""
+    gains: tuple[float, ...]
+    """By how much the objective falls without each part."""
+    placeholder: bool
+    """Whether the fit was stopped before it found a part: then the assembly is one part, the bounding box's."""
+    target: Target = field(repr=False)
+    """What was fitted, normalised."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    device: str = "cpu"
+
+    def save(self, directory: str | Path) -> Path:
+        """Write assembly.json, parts.glb, preview.png, history.npz and report.json.
+
+        The folder is filled at once or not at all. One that exists is used if it is empty or holds an earlier fit,
+        whose files are replaced.
+
+        Raises:
+            InputError: if the folder holds something else, or cannot be written.
+        """
+        clock, timings = Clock.now(), dict(self.timings)
+        folder = Path(directory)
+        with filling(folder) as temporary:
+            self.assembly.save(temporary / "assembly.json")
+            self.history.save(temporary / "history.npz")
+            with timed(timings, "parts"):
+                export_assembly(self.assembly, temporary / "parts.glb", device=self.device)
+            with timed(timings, "preview"):
+                (temporary / "preview.png").write_bytes(png_bytes(self.preview()))
+            metrics = self.metrics | {
+                "cpu_s": self.metrics["cpu_s"] + clock.cpu_s,
+                "wall_s": self.metrics["wall_s"] + clock.wall_s,
+                "peak_mb": peak_mb(),
+            }
+            text = json.dumps(self.report(metrics, timings), indent=2, allow_nan=False)
+            write_bytes(temporary / REPORT, f"{text}\n".encode())
+        return folder
+
+    def report(self, metrics: Mapping[str, float], timings: Mapping[str, float]) -> dict[str, Any]:
+        """The content of report.json, JSON values."""
+        parts = [
+            {"name": part.name, "family": part.family, "gain": round(gain, 6), "color": part.color}
+            for part, gain in zip(self.assembly.primitives, self.gains, strict=True)
+        ]
+        return {
+            "format": REPORT_FORMAT,
+            "version": REPORT_VERSION,
+            "status": {
+                "name": self.status.name.lower(),
+                "sentence": self.status.value,
+                "stopped_early": self.status.stopped_early,
+                "placeholder": self.placeholder,
+            },
+            "input": {**asdict(self.input), "notes": list(self.input.notes)},
+            "options": dict(self.options),
+            "seed": self.assembly.provenance.seed,
+            "resfit": self.assembly.provenance.resfit,
+            "metrics": {name: _rounded(value) for name, value in metrics.items()},
+            "deviation": None if self.deviation is None else asdict(self.deviation),
+            "objective": {name: _rounded(value) for name, value in self.objective.items()},
+            "parts": parts,
+            "rounds": [
+                {"accepted": entry.accepted, **{key: _rounded(value) for key, value in entry.score.items()}}
+                for entry in self.history.rounds
+            ],
+            "timings": {stage: round(seconds, 4) for stage, seconds in timings.items()},
+            "machine": {"device": self.device, "cores": core_count()},
+        }
+
+    def preview(self) -> np.ndarray:
+        """The input beside the assembly, by one camera: (height, width, 3) uint8, sRGB."""
+        device = choose_device(self.device)
+        target, primitives = self.target, self.assembly.on_device(self.device)
+        width, height = PANEL
+        up = "z" if self.input.name.lower().endswith(Z_UP_SUFFIXES) else "y"
+        camera = frame_bounds(target.lower, target.upper, up=up, aspect=width / height)
+        colors = np.array([rgb(part.color) for part in self.assembly.primitives]).reshape(-1, 3)
+        left = render_mesh(target.vertices, target.faces, camera, width, height, device=device)
+        return np.concatenate([left, render_assembly(primitives, colors, camera, width, height)], axis=1)
+
+
+@contextmanager
+def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    """Add the wall time of a block to its stage."""
+    begin = time.perf_counter()
+    try:
+        yield
+    finally:
+        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begin
+
+
+def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:
+    """What was given: the name of the file at `name`, without its folder, and the target's findings."""
+    return InputInfo(
+        name=Path(name).name if name is not None else "mesh",
+        sha256=target.input_sha256,
+        vertices=len(target.vertices),
+        faces=len(target.faces),
+        kind=target.solid.kind,
+        closed=target.solid.kind in CLOSED_KINDS,
+        sentence=target.sentence,
+        notes=tuple(target.notes),
+    )
+
+
+def png_bytes(image: np.ndarray) -> bytes:
+    """A picture (height, width, 3) uint8 as a PNG file."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    buffer = BytesIO()
+    Image.fromarray(image).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _rounded(value: float) -> float | int:
+    """Six digits behind the point say all that 128^3 cells and 20 000 samples can tell."""
+    return value if isinstance(value, int) else round(value, 6)
