@@ -20,13 +20,13 @@ from ..kernels.rows import BLEND, ROW, SHAPES
 from ..target.target import Target
 from .assess import choose_blends, score_values, values_at
 from .config import FitConfig
+from .memory import CandidateMemory
 from .objective import ObjectiveSamples, Score, Tally
 from .outcome import Outcome, Round, Status
-from .propose import fit_regions
 from .refine import fold, refine
 from .select import prune, select
 
-SATURATION = 5e-4
+SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
 
 STARTING_BLEND = 0.02
@@ -69,6 +69,7 @@ class Fit:
         shape, lower, spacing = cell_centres(target.resolution)
         self.grid_shape = shape
         self.grid_points = grid_blocks(shape, lower, spacing, device)
+        self.memory = CandidateMemory()
         self.rounds: list[Round] = []
         self.timings: dict[str, float] = {}
         self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
@@ -188,10 +189,10 @@ class Fit:
             return False
         self.tell("propose", number, 0.15)
         with self.timed("propose"):
-            candidates = fit_regions(
-                regions, self.target.grid, config.primitive, config.propose, config.seed + number, self.device
+            candidates = self.memory.fit_new(
+                regions, self.target.grid, config, config.seed + number, self.device
             )
-            pool = np.concatenate([self.rows, candidates.rows])
+            pool = np.concatenate([self.rows, candidates])
             blend = STARTING_BLEND if config.union == "smooth" else 0.0
             pool[len(self.rows) :, BLEND] = blend
         if self.should_stop():
@@ -214,7 +215,7 @@ class Fit:
         self.rounds.append(
             Round(
                 [region.describe() for region in regions],
-                candidates.rows,
+                candidates,
                 selected,
                 refined,
                 kept,

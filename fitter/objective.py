@@ -125,8 +125,11 @@ class Chooser:
         other.chosen = list(self.chosen)
         return other
 
-    def _change(self, index: int, step: int) -> None:
-        """Count the points of a candidate once more (step 1) or once less (-1), and mend all sums there."""
+    def _change(self, index: int, step: int, mend_sums: bool = True) -> None:
+        """Count the points of a candidate once more (step 1) or once less (-1), and mend all sums there.
+
+        Without the sums it is much cheaper: enough for `score` and `best_removal`.
+        """
         points = self.points[index]
         before = self.counts[points]
         after = before + step
@@ -135,6 +138,8 @@ class Chooser:
         once = (after == 1).astype(np.float32) - (before == 1)
         self.held[:5] -= freed @ self.values[points]
         self.held[5] += ((after > 1).astype(np.float32) - (before > 1)) @ self.tally.box[points]
+        if not mend_sums:
+            return
         moved = freed != 0
         self.sums[:, :5] += self.by_point[points[moved]].T @ (freed[moved, None] * self.values[points[moved]])
         moved = once != 0
@@ -149,6 +154,28 @@ class Chooser:
         """Take a chosen candidate out."""
         self._change(index, -1)
         self.chosen.remove(index)
+
+    def replace_redundant(self, index: int) -> list[int] | None:
+        """Members that a candidate makes redundant, if adding it and removing them raises the objective.
+
+        Leaves the choice as it was.
+        """
+        before, members = self.score(), list(self.chosen)
+        self._change(index, 1, mend_sums=False)
+        self.chosen.append(index)
+        leavers: list[int] = []
+        leaver, gain = self.best_removal(index)
+        while gain > 0 and len(self.chosen) > 1:
+            self._change(leaver, -1, mend_sums=False)
+            self.chosen.remove(leaver)
+            leavers.append(leaver)
+            leaver, gain = self.best_removal(index)
+        rose = self.score() > before + 1e-6
+        for leaver in leavers:
+            self._change(leaver, 1, mend_sums=False)
+        self._change(index, -1, mend_sums=False)
+        self.chosen = members
+        return leavers if rose else None
 
     def score(self) -> float:
         """The objective of the choice as it is."""

@@ -67,43 +67,34 @@ def _exchange(choice: Chooser, most: int) -> None:
     for _ in range(EXCHANGES):
         before = choice.score()
         for member in list(choice.chosen):
-            _try(choice, most, removed=member)
+            _try_without(choice, member, most)
         gains = choice.gains()
-        for leader in np.argsort(-gains, kind="stable")[:WIDE_LOOK]:
-            if gains[leader] > -np.inf and leader not in choice.chosen:
-                _try(choice, most, added=int(leader))
+        for leader in np.argsort(-gains, kind="stable")[:WIDE_LOOK].tolist():
+            if leader in choice.chosen:
+                continue
+            leavers = choice.replace_redundant(leader)
+            if leavers is not None and len(choice.chosen) + 1 - len(leavers) <= most:
+                choice.add(leader)
+                for leaver in leavers:
+                    choice.remove(leaver)
         if choice.score() <= before + 1e-6:
             return
 
 
-def _try(choice: Chooser, most: int, removed: int | None = None, added: int | None = None) -> None:
-    """Make a change and let greedy additions or removals follow; undo all of it unless the objective rose."""
+def _try_without(choice: Chooser, member: int, most: int) -> None:
+    """Take a member out and let the best few come in; undo that unless the objective rose."""
     before, members = choice.score(), list(choice.chosen)
-    if removed is not None:
-        choice.remove(removed)
-        for _ in range(REPLACEMENTS):
-            leader, gain = choice.best_addition()
-            if gain <= 0 or leader == removed or len(choice.chosen) >= most:
-                break
-            choice.add(leader)
-    if added is not None:
-        choice.add(added)
-        _remove_redundant(choice, added)
-    if choice.score() > before + 1e-6 and len(choice.chosen) <= most:
+    choice.remove(member)
+    for _ in range(REPLACEMENTS):
+        leader, gain = choice.best_addition()
+        if gain <= 0 or leader == member or len(choice.chosen) >= most:
+            break
+        choice.add(leader)
+    if choice.score() > before + 1e-6:
         return
-    for member in [member for member in choice.chosen if member not in members]:
-        choice.remove(member)
-    for member in [member for member in members if member not in choice.chosen]:
-        choice.add(member)
-
-
-def _remove_redundant(choice: Chooser, newcomer: int) -> None:
-    """Take out, one by one, the member whose absence raises the objective most."""
-    while len(choice.chosen) > 1:
-        leaver, gain = choice.best_removal(newcomer)
-        if gain <= 0:
-            return
-        choice.remove(leaver)
+    for newcomer in [newcomer for newcomer in choice.chosen if newcomer not in members]:
+        choice.remove(newcomer)
+    choice.add(member)
 
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float) -> list[int]:
@@ -111,5 +102,9 @@ def prune(bits: np.ndarray, tally: Tally, alpha: float) -> list[int]:
     choice = Chooser(bits, tally, alpha)
     for index in range(len(bits)):
         choice.add(index)
-    _remove_redundant(choice, -1)
+    while len(choice.chosen) > 1:
+        leaver, gain = choice.best_removal()
+        if gain <= 0:
+            break
+        choice.remove(leaver)
     return sorted(choice.chosen)

@@ -1,0 +1,61 @@
+"""Candidates of earlier rounds: a region tried already is not fitted again, and what it gave stays on offer."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..decomposition.region import Region
+from .config import FitConfig
+from .propose import fit_regions
+
+SAME_SHARE = 0.85
+"""Regions that share more than this of their union are one."""
+REMEMBERED = 240
+"""Regions kept: the latest ones."""
+
+
+class CandidateMemory:
+    """Regions tried so far, with the candidates fitted to each."""
+
+    def __init__(self) -> None:
+        self.regions: list[Region] = []
+        self.rows: list[np.ndarray] = []
+        self.boxes = np.zeros((0, 7))
+
+    def fit_new(
+        self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int, device: wp.Device
+    ) -> np.ndarray:
+        """Fit the regions that are new, and return all candidates remembered, (count, ROW) float32."""
+        new: list[Region] = []
+        for region in regions:
+            if not self._known(region):
+                new.append(region)
+                self.regions.append(region)
+                self.boxes = np.concatenate([self.boxes, _box(region)[None]])
+        if new:
+            fitted = fit_regions(new, grid, config.primitive, config.propose, seed, device)
+            self.rows += [fitted.rows[fitted.region == index] for index in range(len(new))]
+        self.regions = self.regions[-REMEMBERED:]
+        self.rows = self.rows[-REMEMBERED:]
+        self.boxes = self.boxes[-REMEMBERED:]
+        return np.concatenate(self.rows)
+
+    def _known(self, region: Region) -> bool:
+        """Whether a region like it was tried; boxes and volumes rule most out without looking at cells."""
+        if not self.regions:
+            return False
+        box = _box(region)
+        low, high = np.maximum(self.boxes[:, :3], box[:3]), np.minimum(self.boxes[:, 3:6], box[3:6])
+        common = np.maximum(high - low, 0).prod(1)
+        union = (self.boxes[:, 3:6] - self.boxes[:, :3]).prod(1) + (box[3:6] - box[:3]).prod() - common
+        volume = np.minimum(self.boxes[:, 6], box[6]) / np.maximum(self.boxes[:, 6], box[6])
+        alike = np.flatnonzero((common > 0.6 * union) & (volume > SAME_SHARE))
+        return any(region.overlap(self.regions[index]) > SAME_SHARE for index in alike)
+
+
+def _box(region: Region) -> np.ndarray:
+    """Lower and upper corner in cells, and the volume: (7,)."""
+    return np.concatenate([region.lower, region.lower + region.mask.shape, [region.volume]]).astype(
+        np.float64
+    )
