@@ -33,8 +33,8 @@ class Bodies:
     open: np.ndarray
     """(m,) bool: faces of patches that do not close."""
     walls: np.ndarray
-    """(m,) bool: one of each two faces back to back that closed bodies can do without: walls between them, or
-    sheets beside them."""
+    """(m,) bool: what closed bodies can do without. One of each two faces back to back, which are walls between
+    them or sheets beside them; and bodies so flat that they are sheets with two sides."""
     patch: np.ndarray
     """(m,) int, the body or patch of each face."""
     turned_count: int
@@ -68,17 +68,18 @@ def sort_bodies(vertices: np.ndarray, faces: np.ndarray, device: wp.Device) -> B
     is_open, patch = _group(edges)
     volumes = np.bincount(patch, _signed_volumes(vertices, faces[used]))
     flat = np.abs(volumes) <= FLAT_SHARE * np.bincount(patch, areas) ** 1.5
-    is_open |= flat
-    inverted, cavity = _find_inverted(vertices, faces[used], patch, is_open, volumes, device)
+    flat &= ~is_open
+    inverted, cavity = _find_inverted(vertices, faces[used], patch, is_open | flat, volumes, device)
     flip = used[inverted[patch]]
     faces[flip] = faces[flip, ::-1]
     closed_mask, open_mask = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
-    closed_mask[used], open_mask[used] = ~is_open[patch], is_open[patch]
+    closed_mask[used], open_mask[used] = ~(is_open | flat)[patch], is_open[patch]
+    walls[used] = flat[patch]
     labels = np.full(len(faces), -1)
     labels[used] = patch
     return Bodies(
         faces, closed_mask, open_mask, walls, labels, int(turned.sum()), int(inverted.sum()),
-        int((~is_open).sum()), int(cavity.sum()),
+        int((~(is_open | flat)).sum()), int(cavity.sum()),
     )  # fmt: skip
 
 

@@ -6,14 +6,13 @@ import numpy as np
 
 from ..kernels.mesh_grid import unsigned_distance_grid
 from ..kernels.mesh_sign import classify_cells
-from .solid_query import SolidQuery
+from .solid_query import CELL_RESOLUTION, SolidQuery
 
 
 def distance_grid(query: SolidQuery, resolution: int) -> np.ndarray:
     """Signed distance on `resolution`^3 cells of [-1, 1]^3, normalised, negative inside.
 
     Exact within two cells of a surface, beyond an upper bound that is at most a cell too long; the sign is exact.
-    Leaves the inside of the cells with the query, whose later answers get cheaper.
 
     Args:
         query: the solid.
@@ -25,10 +24,11 @@ def distance_grid(query: SolidQuery, resolution: int) -> np.ndarray:
     shape = (resolution,) * 3
     distance = np.full(shape, np.inf, np.float32)
     if query.winding is not None and query.boundary is not None:
-        inside = np.asarray(classify_cells(query.winding, resolution)[0].numpy(), bool)
+        known = query.winding.inside
+        if resolution != CELL_RESOLUTION:
+            known = classify_cells(query.winding.mesh, resolution)[0]
         distance = unsigned_distance_grid(query.boundary, resolution).numpy()
-        distance[inside] *= -1.0
-        query.inside = inside
+        distance[np.asarray(known.numpy(), bool)] *= -1.0
     if query.sheets is not None:
         sheet = unsigned_distance_grid(query.sheets, resolution).numpy()
         np.minimum(distance, sheet - np.float32(0.5 * query.solid.thickness), out=distance)

@@ -96,6 +96,19 @@ def make_samples(query: SolidQuery, lower: np.ndarray, upper: np.ndarray, count:
     return Samples(surface, near, VolumePoints(points, query.signed_distance(points)))
 
 
+@dataclass(frozen=True)
+class Layer:
+    """One side of some faces."""
+
+    faces: np.ndarray
+    """(m, 3) int."""
+    body: np.ndarray
+    """(m,) int from 0, the body of each face."""
+    offset: float
+    """Distance from the faces, along their normals, at which the surface is; 0 but for the sides of sheets."""
+    bend: Curvature
+
+
 class Skin:
     """The surface of a solid, ready to be sampled: the boundary's faces, and both sides of its sheets."""
 
@@ -103,31 +116,35 @@ class Skin:
         """Measure areas and curvature."""
         solid = query.solid
         self.query = query
-        self.layers: list[tuple[np.ndarray, float, Curvature]] = []
+        self.layers: list[Layer] = []
         if len(solid.boundary_faces):
-            faces = solid.boundary_faces
-            self.layers.append((faces, 0.0, measure_curvature(solid.vertices, faces)))
+            # Measured on the whole faces: pieces of them no longer meet side by side.
+            bend = measure_curvature(solid.vertices, solid.winding_faces)
+            bend = Curvature(bend.face[solid.boundary_source], bend.creases)
+            body = label_patches(find_edges(solid.winding_faces))[solid.boundary_source]
+            self.layers.append(Layer(solid.boundary_faces, body, 0.0, bend))
         if len(solid.sheet_faces):
             bend = measure_curvature(solid.vertices, solid.sheet_faces)
-            for side in (1.0, -1.0):
-                self.layers.append((solid.sheet_faces, 0.5 * side * solid.thickness, bend))
+            body = label_patches(find_edges(solid.sheet_faces))
+            for side in (0.5, -0.5):
+                self.layers.append(Layer(solid.sheet_faces, body, side * solid.thickness, bend))
 
     def sample(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """About `count` points on the surface, by area, and a few on each small body."""
         vertices = self.query.solid.vertices.astype(np.float64)
-        areas = [face_areas(vertices, faces) for faces, _, _ in self.layers]
+        areas = [face_areas(vertices, layer.faces) for layer in self.layers]
         total = sum(float(area.sum()) for area in areas)
         points, normals, weights = [], [], []
-        for (faces, offset, bend), area in zip(self.layers, areas, strict=True):
+        for layer, area in zip(self.layers, areas, strict=True):
             wanted = round(count * float(area.sum()) / total) if total > 0.0 else 0
-            chosen, share = _stratify(faces, area, max(wanted, 1), rng)
-            a, b, c = (vertices[faces[chosen, k]] for k in range(3))
+            chosen, share = _stratify(layer.body, area, max(wanted, 1), rng)
+            a, b, c = (vertices[layer.faces[chosen, k]] for k in range(3))
             cross = np.cross(b - a, c - a)
             normal = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
             point = a * share[:, :1] + b * share[:, 1:2] + c * share[:, 2:]
-            points.append(point + offset * normal)
-            normals.append(normal if offset >= 0.0 else -normal)
-            weights.append(weight_of(bend.at(point, chosen)))
+            points.append(point + layer.offset * normal)
+            normals.append(normal if layer.offset >= 0.0 else -normal)
+            weights.append(weight_of(layer.bend.at(point, chosen)))
         surface = SurfacePoints(
             np.concatenate(points).astype(np.float32), np.concatenate(normals).astype(np.float32),
             np.concatenate(weights),
@@ -154,13 +171,13 @@ class Skin:
         nearest = np.full(len(points), np.inf)
         weight = np.full(len(points), 1.5, np.float32)
         asked = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=self.query.device)
-        for (_, offset, bend), mesh in zip(self.layers, self._meshes(), strict=True):
-            if offset < 0.0:
+        for layer, mesh in zip(self.layers, self._meshes(), strict=True):
+            if layer.offset < 0.0:
                 continue
             found = mesh.closest_points(asked)
-            distance = found.distance.numpy() - offset
+            distance = found.distance.numpy() - layer.offset
             closer = distance < nearest
-            value = weight_of(bend.at(found.point.numpy()[closer], found.face.numpy()[closer]))
+            value = weight_of(layer.bend.at(found.point.numpy()[closer], found.face.numpy()[closer]))
             weight[closer], nearest[closer] = value, distance[closer]
         return weight
 
@@ -170,14 +187,13 @@ class Skin:
 
 
 def _stratify(
-    faces: np.ndarray, area: np.ndarray, count: int, rng: np.random.Generator
+    body: np.ndarray, area: np.ndarray, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """About `count` faces, each as often as its area asks for, and barycentric coordinates in them.
 
     One random number would do: along the faces laid end to end the points are equally far apart, in each they
     follow a sequence that fills a triangle evenly. Bodies that so get fewer than POINTS_PER_BODY get that many.
     """
-    body = label_patches(find_edges(faces))
     body_area = np.bincount(body, area)
     floor = min(POINTS_PER_BODY, int(BODY_SHARE * count / len(body_area)))
     expected = body_area * (count / max(float(body_area.sum()), 1e-300))

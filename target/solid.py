@@ -1,16 +1,33 @@
 """Deciding what the solid of a mesh is, and saying it in one sentence.
 
-Everything is in the normalised frame (bounding box centred, longest side 1.8) unless a name says otherwise.
+Closed bodies are solid, turned outwards if need be. An open patch is solid if the mesh winds clearly round the
+points behind it and not round those before it, or if a flood from outside does not get behind it; its holes are
+closed. Whatever encloses nothing becomes a thin shell. Everything is in the normalised frame (bounding box
+centred, longest side 1.8) unless a name says otherwise.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
 
 from .bodies import Bodies, sort_bodies
+from .boundary import find_boundary
+from .caps import cap_holes
+from .patches import BOUNDARY, INTERNAL, INVERTED, SHEET, judge_by_flood, judge_by_winding
+from .solid_query import SolidQuery, WindingQuery
+from .wording import Findings, name_kind, write_sentence
+
+SHEET_THICKNESS = 0.018
+"""Thickness given to sheets: 1 % of the longest side, a little more than a cell of a 128^3 grid."""
+
+DECAL_SHARE = 0.5
+"""Sheets nowhere further above a solid than this share of their thickness are drawn on it, and left out."""
+
+MAX_JUDGEMENTS = 4
+"""Rounds of judging patches: each verdict changes what winds round the others."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +39,7 @@ class Solid:
     """
 
     kind: str
-    """closed, flipped, reoriented, union, winding, shell or mixed."""
+    """closed, flipped, reoriented, union, winding (open, holes closed), shell (sheets only) or mixed."""
     sentence: str
     """What was found and done, for people; lengths in mesh units."""
     vertices: np.ndarray
@@ -30,15 +47,17 @@ class Solid:
     winding_faces: np.ndarray
     """(m, 3) int32, counter-clockwise seen from outside."""
     boundary_faces: np.ndarray
-    """(k, 3) int32: those of them that are on the surface of the solid; distances are to these."""
+    """(k, 3) int32: what of them is on the surface of the solid; distances are to these."""
+    boundary_source: np.ndarray
+    """(k,) int, the winding face that each is, or is a piece of."""
     sheet_faces: np.ndarray
     """(s, 3) int32: faces that enclose nothing."""
     thickness: float
     """Of the sheets, normalised; 0 if there are none."""
 
 
-def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: wp.Device) -> Solid:
-    """What the solid of a welded mesh is.
+def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: wp.Device) -> SolidQuery:
+    """What the solid of a welded mesh is, ready for queries.
 
     Args:
         vertices: (n, 3) float64, normalised. faces: (m, 3) int, m > 0.
@@ -46,21 +65,102 @@ def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: 
         device: where to compute.
     """
     bodies = sort_bodies(vertices, faces, device)
-    winding = bodies.faces[bodies.closed | bodies.open].astype(np.int32)
-    kind, sentence = _describe(bodies)
-    return Solid(
-        kind, sentence, vertices.astype(np.float32), winding, winding, np.zeros((0, 3), np.int32), 0.0
+    verdict, flooded, turned = judge_patches(vertices, bodies, device)
+    faces = np.where(turned[:, None], bodies.faces[:, ::-1], bodies.faces)
+    winds = bodies.closed | (bodies.open & (verdict == BOUNDARY))
+    sheets = faces[bodies.walls | (bodies.open & (verdict == SHEET))]
+    body_count = len(np.unique(bodies.patch[winds]))
+    winding, owner, closed_holes, open_holes = faces[winds], bodies.patch[winds], 0, 0
+    if (winds & bodies.open).any():
+        vertices, fans, capped, open_holes = cap_holes(vertices, winding, owner, device)
+        winding, owner = np.concatenate([winding, fans]), np.concatenate([owner, capped])
+        closed_holes = len(np.unique(fans[:, 2]))
+    boundary, source, query = winding, np.zeros(0, np.int64), None
+    if len(winding):
+        query = WindingQuery(vertices, winding, device)
+        vertices, boundary, source = find_boundary(vertices, winding, owner, query)
+    final = winding.astype(np.int32)
+    solid = Solid(
+        "", "", vertices.astype(np.float32), final,
+        final if boundary is winding else boundary.astype(np.int32), source, np.zeros((0, 3), np.int32), 0.0,
+    )  # fmt: skip
+    seen = drop_decals(SolidQuery(solid, device, query), sheets.astype(np.int32))
+    thickness = SHEET_THICKNESS if len(seen) else 0.0
+    findings = Findings(
+        bodies=body_count,
+        open_bodies=len(np.unique(bodies.patch[winds & bodies.open])),
+        cavities=bodies.cavity_count,
+        turned_faces=bodies.turned_count,
+        inverted_bodies=bodies.inverted_count,
+        overlaps=boundary is not winding,
+        flooded_bodies=len(np.unique(bodies.patch[flooded & (verdict == BOUNDARY)])),
+        closed_holes=closed_holes,
+        open_holes=open_holes,
+        dropped_faces=len(sheets) - len(seen) + int((bodies.open & (verdict == INTERNAL)).sum()),
+        sheet_faces=len(seen),
+        thickness=thickness * scale,
     )
+    solid = replace(
+        solid,
+        kind=name_kind(findings),
+        sentence=write_sentence(findings),
+        sheet_faces=seen,
+        thickness=thickness,
+    )
+    return SolidQuery(solid, device, query)
 
 
-def _describe(bodies: Bodies) -> tuple[str, str]:
-    if bodies.open.any():
-        return "winding", "open mesh; inside is where it winds round a point more than half a time."
-    if bodies.turned_count:
-        return (
-            "reoriented",
-            f"closed mesh with {bodies.turned_count} faces turned the wrong way; turned back.",
-        )
-    if bodies.inverted_count:
-        return "flipped", "closed mesh that was inside out; turned outwards."
-    return "closed", "closed, consistently wound mesh; taken as it is."
+def judge_patches(
+    vertices: np.ndarray, bodies: Bodies, device: wp.Device
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each face: its patch's verdict, whether the flood decided it, whether it is to be turned over; (m,) each.
+
+    Verdicts are BOUNDARY for closed bodies; SHEET for walls, about which nothing is asked.
+    """
+    face_count = len(bodies.faces)
+    flooded, turned = np.zeros(face_count, bool), np.zeros(face_count, bool)
+    verdict = np.where(bodies.walls, SHEET, BOUNDARY)
+    if not bodies.open.any():
+        return verdict, flooded, turned
+
+    def judge(judged: np.ndarray, among: np.ndarray, judge_by) -> np.ndarray:
+        faces = np.where(turned[:, None], bodies.faces[:, ::-1], bodies.faces)[among]
+        found = judge_by(vertices, faces, bodies.patch[among], judged[among], device)
+        result = np.full(face_count, BOUNDARY)
+        result[judged] = found[bodies.patch[judged]]
+        return result
+
+    for _ in range(MAX_JUDGEMENTS):
+        candidates = bodies.open & (verdict == BOUNDARY)
+        if not candidates.any():
+            break
+        found = judge(candidates, bodies.closed | candidates, judge_by_winding)
+        turned ^= found == INVERTED
+        verdict[found == SHEET] = SHEET
+        if (found == BOUNDARY).all():
+            break
+    unclear = bodies.open & (verdict == SHEET)
+    if not unclear.any():
+        return verdict, flooded, turned
+    found = judge(unclear, bodies.closed | bodies.open, judge_by_flood)
+    turned ^= found == INVERTED
+    flooded = unclear & ((found == BOUNDARY) | (found == INVERTED))
+    verdict[found == INTERNAL] = INTERNAL
+    if flooded.any():
+        # What the flood found must wind as well, or nothing would be inside behind it.
+        verdict[flooded] = BOUNDARY
+        checked = judge(flooded, bodies.closed | (bodies.open & (verdict == BOUNDARY)), judge_by_winding)
+        verdict[flooded & (checked != BOUNDARY)] = SHEET
+    return verdict, flooded, turned
+
+
+def drop_decals(query: SolidQuery, sheets: np.ndarray) -> np.ndarray:
+    """Those of the sheets' faces (s, 3) that are not within the solid or drawn on its surface."""
+    if not len(sheets) or query.winding is None:
+        return sheets
+    corners = query.solid.vertices[sheets]
+    middles = corners.mean(axis=1, keepdims=True)
+    # Corners are drawn in a little: they often touch what the sheet is fixed to.
+    points = np.concatenate([corners + 0.1 * (middles - corners), middles], axis=1)
+    height = query.signed_distance(points.reshape(-1, 3)).reshape(len(sheets), 4)
+    return sheets[height.max(axis=1) > DECAL_SHARE * SHEET_THICKNESS]

@@ -80,8 +80,8 @@ def make_target(
     transform = Transform.from_bounds(low, high)
     vertices = transform.to_normalised(mesh.vertices)
     begin("solid")
-    solid = decide_solid(vertices, mesh.faces, transform.scale, device)
-    query = SolidQuery(solid, device)
+    query = decide_solid(vertices, mesh.faces, transform.scale, device)
+    solid = query.solid
     begin("grid")
     grid = distance_grid(query, resolution)
     begin("samples")
