@@ -209,7 +209,7 @@ class Fit:
                 selected, self.families(selected), self.samples, config.refine, self.device, self.should_stop
             )
         with self.timed("prune"):
-            kept = refined[prune(self.values(refined) < 0, self.tally, config.parsimony)]
+            kept = refined[prune(self.values(refined) < 0, self.tally, config.parsimony, self.device)]
             score = self.assess(kept)
         rise = score.objective - self.score.objective
         self.rounds.append(
@@ -258,6 +258,7 @@ class Fit:
             self.tally,
             self.config.parsimony,
             self.config.select,
+            self.device,
             len(self.rows),
             self.config.max_primitives,
         )
@@ -275,7 +276,9 @@ class Fit:
                 rows,
                 refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop),
             ):
-                kept = candidate[prune(self.values(candidate) < 0, self.tally, self.config.parsimony)]
+                kept = candidate[
+                    prune(self.values(candidate) < 0, self.tally, self.config.parsimony, self.device)
+                ]
                 score = self.assess(kept)
                 if score.objective > self.score.objective:
                     self.rows, self.score = kept, score

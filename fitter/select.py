@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import warp as wp
 
+from .chooser import Chooser
 from .config import SelectConfig
-from .objective import Chooser, Tally
+from .objective import Tally
 
 EXCHANGES = 3
 """Passes over the chosen ones in search of something better; later passes hardly ever find any."""
@@ -20,6 +22,7 @@ def select(
     tally: Tally,
     alpha: float,
     config: SelectConfig,
+    device: wp.Device,
     start: int = 0,
     most: int = 1_000_000,
 ) -> list[int]:
@@ -30,13 +33,14 @@ def select(
         tally: the objective's sums.
         alpha: price of a primitive.
         config: beam and weight of false volume.
+        device: where points are counted.
         start: the first so many candidates are chosen already; they may be swapped out again.
         most: most primitives to choose.
 
     Returns:
         Indices in the order of choice.
     """
-    root = Chooser(bits, tally, alpha)
+    root = Chooser(bits, tally, alpha, device)
     for index in range(start):
         root.add(index)
     beginnings = [root]
@@ -97,9 +101,9 @@ def _try_without(choice: Chooser, member: int, most: int) -> None:
     choice.add(member)
 
 
-def prune(bits: np.ndarray, tally: Tally, alpha: float) -> list[int]:
+def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:
     """Indices that remain after removing, one by one, the primitive whose absence raises the objective most."""
-    choice = Chooser(bits, tally, alpha)
+    choice = Chooser(bits, tally, alpha, device)
     for index in range(len(bits)):
         choice.add(index)
     while len(choice.chosen) > 1:
