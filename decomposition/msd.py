@@ -10,12 +10,11 @@ import math
 
 import numpy as np
 import warp as wp
-from scipy import ndimage
 
 from ..kernels.distance_grid import distance_transform
 from ..kernels.morphology import deepest_core
-from .region import Region, label_components, region_from_mask
-from .residual import SMALLEST_VOLUME, Residual
+from .coarse import WorkingGrid
+from .region import Region, label_components
 
 ITERATIONS = 7
 """Parts peeled off for one volume fraction, at most."""
@@ -23,24 +22,18 @@ ITERATIONS = 7
 CORNER_REACH = math.sqrt(3.0)
 """A box's corner is this many times the radius away from the core, from which its faces are one radius away."""
 
-COARSE_VOLUME = 20_000
-"""Residuals of more cells are decomposed at half the resolution, if that keeps their shape."""
-
-COARSE_SHARE = 0.93
-"""Share of the cells that the coarse grid must keep; thin parts vanish from it first."""
-
 OWN_DEPTH = 0.75
 """A part shallower than half a cell is a left-over of earlier parts, unless it has this share of the depth that it
 had before any was taken away: then the shape itself is that thin there."""
 
 
 def decompose(
-    residual: Residual, fractions: tuple[float, ...], device: wp.Device, iterations: int = ITERATIONS
+    grid: WorkingGrid, fractions: tuple[float, ...], device: wp.Device, iterations: int = ITERATIONS
 ) -> list[Region]:
-    """Parts of the residual in order of thickness, for each volume fraction anew.
+    """Parts of a residual in order of thickness, for each volume fraction anew.
 
     Args:
-        residual: what to take apart.
+        grid: what to take apart.
         fractions: volumes of a part's core, as shares of the residual.
         device: where distances are measured.
         iterations: parts for each fraction, at most.
@@ -48,14 +41,11 @@ def decompose(
     Returns:
         Regions with source "msd <fraction>"; some may be equal.
     """
-    coarse = coarsen(residual) if residual.volume > COARSE_VOLUME else None
-    depth = residual.depth if coarse is None else coarse
     regions = []
     for fraction in fractions:
-        for part in peel(depth, fraction, device, iterations):
-            mask = part if coarse is None else refine_mask(part, coarse, residual.depth > 0.0)
-            region = region_from_mask(mask, residual.lower, residual.resolution, f"msd {fraction:g}")
-            if region is not None and region.volume >= SMALLEST_VOLUME:
+        for part in peel(grid.depth, fraction, device, iterations):
+            region = grid.region(part, f"msd {fraction:g}")
+            if region is not None:
                 regions.append(region)
     return regions
 
@@ -145,44 +135,6 @@ def take_away(
     )
     removed[inner] = part
     depth[wide] = np.minimum(depth[wide], _distances(removed, device) - np.float32(0.5))
-
-
-def coarsen(residual: Residual) -> np.ndarray | None:
-    """Depth at half the resolution, in cells of that; None if too much of the residual would get lost.
-
-    Coarse cells begin at `residual.lower`; the box is padded to an even number of cells.
-    """
-    pad = [(0, size % 2) for size in residual.depth.shape]
-    fine = np.pad(residual.depth, pad, constant_values=-1.0) if any(p[1] for p in pad) else residual.depth
-    coarse: np.ndarray = np.zeros([size // 2 for size in fine.shape], np.float32)
-    for x in (0, 1):
-        for y in (0, 1):
-            for z in (0, 1):
-                coarse += fine[x::2, y::2, z::2]
-    coarse *= np.float32(1.0 / 16.0)
-    kept = _double(coarse > 0.0, residual.depth.shape) & (residual.depth > 0.0)
-    return coarse if np.count_nonzero(kept) >= COARSE_SHARE * residual.volume else None
-
-
-def refine_mask(part: np.ndarray, coarse: np.ndarray, solid: np.ndarray) -> np.ndarray:
-    """The fine cells of a coarse part.
-
-    Fine cells of the solid whose coarse cell is outside of it go with the coarse parts that their cell touches.
-
-    Args:
-        part: (a, b, c) bool, coarse.
-        coarse: (a, b, c) float32, above 0 in the coarse solid.
-        solid: (2a or less, ...) bool, the fine solid.
-    """
-    around: np.ndarray = np.zeros(part.shape, bool)
-    ndimage.binary_dilation(part, np.ones((3, 3, 3), bool), output=around)
-    fringe = around & (coarse <= 0.0)
-    return _double(part | fringe, solid.shape) & solid
-
-
-def _double(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    fine = mask.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
-    return fine[: shape[0], : shape[1], : shape[2]]
 
 
 def _box_around(

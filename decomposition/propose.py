@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from .coarse import working_grid
 from .msd import decompose
 from .region import Region, without_duplicates
-from .residual import find_residual, residual_components
+from .residual import SMALLEST_VOLUME, find_residual, residual_components
+from .runs import straight_parts
 
 FRACTIONS = (0.005, 0.03, 0.12)
 """Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
@@ -45,11 +47,13 @@ def propose_regions(
     if first_round:
         found += _whole(residual.depth > 0.0, residual.lower, residual.resolution)
     found += components
-    found += decompose(residual, fractions, device)
+    working = working_grid(residual)
+    found += decompose(working, fractions, device)
+    found += straight_parts(working)
     # The sort is stable: of equal volumes the whole stays before components, and these before parts.
     found.sort(key=lambda region: -region.volume)
     return without_duplicates(found)[:most]
 
 
 def _whole(mask: np.ndarray, lower: np.ndarray, resolution: int) -> list[Region]:
-    return [Region(lower, mask, resolution, "solid")] if mask.sum() >= 12 else []
+    return [Region(lower, mask, resolution, "solid")] if np.count_nonzero(mask) >= SMALLEST_VOLUME else []

@@ -27,7 +27,7 @@ class Region:
     resolution: int
     """Cells along a side of the grid."""
     source: str
-    """How it was proposed: "solid", "component" or "msd 0.03", with the volume fraction."""
+    """How it was proposed: "solid", "component", "plate", "beam" or "msd 0.03", with the volume fraction."""
 
     @cached_property
     def volume(self) -> int:

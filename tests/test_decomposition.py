@@ -7,10 +7,12 @@ import pytest
 import warp as wp
 from scipy import ndimage
 
-from resfit.decomposition.msd import coarsen, peel
+from resfit.decomposition.coarse import coarsen, working_grid
+from resfit.decomposition.msd import peel
 from resfit.decomposition.propose import propose_regions
 from resfit.decomposition.region import Region, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
+from resfit.decomposition.runs import run_lengths, straight_parts
 from resfit.kernels.morphology import deepest_core
 
 
@@ -210,3 +212,36 @@ def test_components_smaller_than_asked_are_left_out() -> None:
     assert len(residual_components(residual)) == 2
     assert len(residual_components(residual, smallest=100)) == 1
     assert len(residual_components(residual, most=1)) == 1
+
+
+@pytest.mark.parametrize("wall", [0.05, 0.1])
+def test_walls_of_one_thickness_come_apart_as_plates(wall: float) -> None:
+    outer = box((-0.7, -0.6, -0.5), (0.7, 0.6, 0.5))
+    inner = box((-0.7 + wall, -0.6 + wall, -0.5 + wall), (0.7 - wall, 0.6 - wall, 0.5 - wall))
+    hollow = grid(np.maximum(outer, -inner))
+    residual = find_residual(hollow)
+    assert residual is not None
+    plates = [region for region in straight_parts(working_grid(residual)) if region.source == "plate"]
+    x, _, _ = cells()
+    left = (hollow < 0) & (x < -0.7 + wall)
+    assert len(plates) == 6
+    assert max(share(paint(plate), left) for plate in plates) > 0.6
+
+
+def test_frame_comes_apart_as_beams() -> None:
+    legs = [box((x, y, -0.6), (x + 0.12, y + 0.12, 0.5)) for x in (-0.6, 0.4) for y in (-0.5, 0.3)]
+    rail = box((-0.5, -0.48, 0.0), (0.5, -0.4, 0.08))
+    residual = find_residual(grid(*legs, rail))
+    assert residual is not None
+    beams = [paint(part) for part in straight_parts(working_grid(residual)) if part.source == "beam"]
+    for leg in legs:
+        assert max(share(beam, leg < 0) for beam in beams) > 0.8
+
+
+def test_run_lengths_count_unbroken_cells() -> None:
+    line = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1], bool)
+    for axis in range(3):
+        shape = np.ones(3, int)
+        shape[axis] = len(line)
+        lengths = run_lengths(line.reshape(shape), axis)
+        assert lengths.reshape(-1).tolist() == [2, 2, 0, 3, 3, 3, 0, 0, 1]
