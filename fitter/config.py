@@ -64,7 +64,7 @@ class FitConfig:
     union: Literal["smooth", "hard"] = "smooth"
     max_primitives: int = 64
     target_iou: float = 1.0
-    """Stop once the 128^3 IoU reaches this."""
+    """Stop once the 128^3 IoU reaches this; 1 is off."""
     tolerance: float = 0.0
     """Stop once the 95th percentile of the two-sided surface distance is below this, in the mesh's units; 0 is off."""
     timeout: float = 0.0

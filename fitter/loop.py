@@ -165,7 +165,7 @@ class Fit:
             return Status.INTERRUPTED
         if self.out_of_time():
             return Status.TIMEOUT
-        if self.iou >= self.config.target_iou:
+        if self.iou >= self.config.target_iou and self.config.target_iou < 1.0:
             return Status.TARGET_IOU
         if len(self.rows) >= self.config.max_primitives:
             return Status.MAX_PRIMITIVES

@@ -1,0 +1,175 @@
+"""Fitting: single primitives recovered, synthetic assemblies found again, stops and determinism."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from reference import primitive as exact_primitive
+from scenes import random_rows
+
+from resfit.errors import InputError
+from resfit.fitter.config import FitConfig, preset_config
+from resfit.fitter.levenberg import apply_steps, fit_ranges, levenberg
+from resfit.fitter.loop import fit_target
+from resfit.fitter.outcome import Status
+from resfit.fitter.refine import refine
+from resfit.kernels import launch as launching
+from resfit.kernels.owned_points import shared_points
+from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
+from resfit.target.target import make_target
+
+
+@pytest.fixture(scope="module")
+def table():
+    """A table of five boxes, as one mesh of five closed bodies."""
+    legs = [
+        trimesh.creation.box((0.1, 0.1, 0.7), trimesh.transformations.translation_matrix([x, y, 0.35]))
+        for x in (-0.5, 0.5)
+        for y in (-0.3, 0.3)
+    ]
+    top = trimesh.creation.box((1.3, 0.8, 0.08), trimesh.transformations.translation_matrix([0, 0, 0.73]))
+    return trimesh.util.concatenate([*legs, top])
+
+
+def fast(**options):
+    return preset_config("fast", **options)
+
+
+def test_levenberg_recovers_disturbed_primitives(device, rng):
+    """Sixty disturbed starts of one primitive, nearly all of which come back to it."""
+    rows = random_rows(rng, ["superfrustum"])
+    rows[0, SHAPES : SHAPES + 8] = [0.5, 0.4, 0.9, 0.5, 0.03, 0.7, 0.3, -1.0]
+    starts = np.repeat(rows, 60, axis=0)
+    starts[:, :3] += rng.normal(size=(60, 3)) * 0.04
+    starts[:, SHAPES : SHAPES + 3] *= rng.uniform(0.75, 1.3, (60, 3))
+    starts[:, SHAPES + 6] += rng.normal(size=60) * 0.15
+    points = rng.uniform(-1, 1, (768, 3)).astype(np.float32)
+    target = exact_primitive(points, rows[0].astype(np.float64), "superfrustum")
+    owned = shared_points(points, np.zeros(768, int), np.zeros(60, int), target, device=device)
+    fitted, cost = levenberg(starts, ["superfrustum"] * 60, owned, np.full(60, 20.0), 15, device)
+    assert (cost < 1e-6).mean() > 0.8
+    best = fitted[cost.argmin()]
+    np.testing.assert_allclose(
+        exact_primitive(points, best.astype(np.float64), "superfrustum"), target, atol=1e-3
+    )
+
+
+def test_steps_keep_shapes_in_range_and_rotations_unit(rng):
+    families = ["superfrustum", "cuboid", "superquadric"]
+    rows = random_rows(rng, families)
+    ranges = fit_ranges(families)
+    moved = apply_steps(rows, rng.normal(size=(3, TANGENT)), ranges)
+    shapes = moved[:, SHAPES : SHAPES + 8]
+    assert (shapes >= ranges.low).all() and (shapes <= ranges.high).all()
+    np.testing.assert_allclose(np.linalg.norm(moved[:, ROTATION : ROTATION + 4], axis=1), 1.0, atol=1e-6)
+    assert not moved[1, SHAPES + 3 : SHAPES + 8].any(), "a cuboid has no further parameters"
+
+
+def test_table_is_five_boxes(table, device):
+    """The synthetic assembly is found again: right count, near-exact volume, no overlap to speak of."""
+    outcome = fit_target(make_target(table, device), preset_config("balanced"), device)
+    assert outcome.iou > 0.95
+    assert 5 <= len(outcome.rows) <= 6
+    assert outcome.score.overlap < 0.03
+    assert outcome.status is Status.SATURATED
+    assert len(outcome.families) == len(outcome.rows)
+    assert outcome.rounds[0].accepted
+
+
+@pytest.mark.parametrize(
+    ("mesh", "floor"),
+    [
+        (trimesh.creation.torus(0.7, 0.2), 0.95),
+        (trimesh.creation.cylinder(0.4, 1.5), 0.97),
+        (trimesh.creation.annulus(0.5, 0.8, 0.4), 0.95),
+        (trimesh.creation.cone(0.5, 1.2), 0.95),
+    ],
+    ids=["torus", "cylinder", "tube", "cone"],
+)
+def test_one_solid_is_one_primitive(mesh, floor, device):
+    outcome = fit_target(make_target(mesh, device), fast(), device)
+    assert len(outcome.rows) == 1
+    assert outcome.iou > floor
+
+
+@pytest.mark.parametrize("family", ["cuboid", "superprimitive", "superquadric"])
+def test_other_families_fit(family, device):
+    mesh = trimesh.creation.box((1.0, 0.6, 0.4))
+    outcome = fit_target(make_target(mesh, device), fast(primitive=family), device)
+    assert outcome.families == [family] * len(outcome.rows)
+    assert outcome.iou > 0.9
+
+
+def test_refinement_never_raises_the_loss(table, device, rng):
+    """A disturbed table moves back towards the target."""
+    from resfit.fitter.assess import score_values, values_at
+    from resfit.fitter.loop import objective_samples
+    from resfit.fitter.objective import Tally
+    from resfit.kernels.points import point_blocks
+
+    target = make_target(table, device)
+    fitted = fit_target(target, fast(), device)
+    samples = objective_samples(target)
+    blocks, tally = point_blocks(samples.points, device), Tally(samples)
+    disturbed = fitted.rows.copy()
+    disturbed[:, :3] += rng.normal(size=(len(disturbed), 3)) * 0.02
+
+    def objective(rows):
+        return score_values(
+            values_at(rows, fitted.families, blocks, device), np.zeros(len(rows)), tally, 1e-3
+        ).objective
+
+    refined = refine(disturbed, fitted.families, samples, FitConfig().refine, device)
+    assert objective(refined) > objective(disturbed) + 0.02
+
+
+def test_same_bytes_on_one_core_and_two(table, device, monkeypatch):
+    results = []
+    for cores in (1, 2):
+        monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
+        results.append(fit_target(make_target(table, device), fast(), device).rows.tobytes())
+    assert results[0] == results[1]
+
+
+def test_stops(table, device):
+    target = make_target(table, device)
+    few = fit_target(target, fast(max_primitives=2), device)
+    assert len(few.rows) <= 2 and few.status is Status.MAX_PRIMITIVES
+    easy = fit_target(target, fast(target_iou=0.3), device)
+    assert easy.status is Status.TARGET_IOU and easy.iou >= 0.3
+    late = fit_target(target, fast(timeout=1e-6), device)
+    assert late.status is Status.TIMEOUT and late.status.stopped_early
+    calls = iter(range(1_000_000))
+    interrupted = fit_target(target, preset_config("balanced"), device, should_stop=lambda: next(calls) > 12)
+    assert interrupted.status is Status.INTERRUPTED
+
+
+def test_goes_on_from_given_primitives(table, device):
+    """Starting from a fit loses nothing of it."""
+    target = make_target(table, device)
+    first = fit_target(target, fast(), device)
+    again = fit_target(target, fast(), device, start_rows=first.rows)
+    assert again.score.objective >= first.score.objective - 1e-9
+
+
+def test_progress_moves_on(table, device):
+    seen = []
+    fit_target(make_target(table, device), fast(), device, on_progress=seen.append)
+    fractions = [progress.fraction for progress in seen]
+    assert fractions == sorted(fractions) and fractions[0] >= 0 and fractions[-1] <= 1
+    assert {progress.stage for progress in seen} >= {"decompose", "propose", "select", "refine"}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"primitive": "blob"}, {"max_primitives": 0}, {"target_iou": 1.5}, {"tolerance": -1.0}, {"rounds": 0}],
+)
+def test_options_out_of_range_are_named(options):
+    with pytest.raises(InputError, match=next(iter(options)).replace("_", "-")):
+        preset_config("balanced", **options)
+
+
+def test_unknown_preset():
+    with pytest.raises(InputError, match="--preset quick"):
+        preset_config("quick")

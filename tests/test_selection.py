@@ -1,0 +1,155 @@
+"""Counting, choosing and pruning on small sets whose best answer is known or can be searched for."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scenes import random_rows
+
+from resfit.fitter.chooser import Chooser
+from resfit.fitter.config import SelectConfig
+from resfit.fitter.objective import OVERLAP_PRICE, ObjectiveSamples, Tally
+from resfit.fitter.select import prune, select
+from resfit.kernels import launch as launching
+from resfit.kernels.field import primitives_at
+from resfit.kernels.occupancy import CandidateBits
+from resfit.kernels.ownership import find_owners
+from resfit.kernels.points import point_blocks
+from resfit.kernels.primitive_set import PrimitiveSet
+from resfit.kernels.rows import BLEND
+
+
+def line_samples(rng, count=4000):
+    """Points on [-1, 1] in the x axis; the target is |x| < 0.8. The first half counts as near the surface."""
+    x = np.sort(rng.uniform(-1, 1, count))
+    x = np.concatenate([x[::2], x[1::2]])
+    points = np.stack([x, np.zeros(count), np.zeros(count)], 1).astype(np.float32)
+    weight = np.where(np.arange(count) < count // 2, rng.uniform(1, 2, count), 1.0).astype(np.float32)
+    return ObjectiveSamples(points, (np.abs(x) - 0.8).astype(np.float32), weight, count // 2)
+
+
+def spans(samples, edges):
+    """Candidates that hold the points between each pair of edges, (candidates, n) bool."""
+    x = samples.points[:, 0]
+    return np.stack([(x > low) & (x < high) for low, high in edges])
+
+
+def exact_objective(bits, samples, alpha):
+    """The objective by its definition."""
+    counts = bits.sum(0)
+    covered, inside, near = counts > 0, samples.inside, np.arange(len(counts)) < samples.near_count
+    total = 0.0
+    for part in (near, ~near):
+        weight = samples.weight[part].astype(np.float64)
+        both, either = (covered & inside)[part], (covered | inside)[part]
+        total += 0.5 * weight[both].sum() / weight[either].sum()
+    overlap = (counts > 1)[~near].sum() / max(1, covered[~near].sum())
+    return total - alpha * len(bits) - OVERLAP_PRICE * overlap
+
+
+def test_bits_are_weighed_exactly(device, rng, monkeypatch):
+    bits = rng.uniform(size=(130, 3000)) < 0.3
+    tasks = [(rng.choice(3000, size, replace=False), rng.normal(size=size)) for size in (0, 1, 50, 2000)]
+    results = []
+    for cores in (1, 2):
+        monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
+        results.append(CandidateBits(bits, device).weigh(tasks))
+    expected = np.stack([bits[:, points] @ weights for points, weights in tasks], 1)
+    np.testing.assert_allclose(results[0], expected, atol=1e-4)
+    assert results[0].tobytes() == results[1].tobytes()
+
+
+def test_gains_stay_those_of_the_definition(device, rng):
+    """After any additions and removals, score and gains are what the objective's definition gives."""
+    samples = line_samples(rng)
+    edges = np.sort(rng.uniform(-1, 1, (25, 2)), axis=1)
+    bits, tally, alpha = spans(samples, edges), Tally(samples), 1e-3
+    choice = Chooser(bits, tally, alpha, device)
+    for index in (3, 7, 11, 2, 19):
+        choice.add(index)
+    choice.remove(11)
+    choice.replace_redundant(5)
+    branch = choice.copy()
+    branch.add(20)
+    assert choice.score() == pytest.approx(exact_objective(bits[choice.chosen], samples, alpha), abs=1e-5)
+    assert branch.score() == pytest.approx(exact_objective(bits[branch.chosen], samples, alpha), abs=1e-5)
+    gains = choice.gains()
+    for index in range(25):
+        if index in choice.chosen:
+            assert gains[index] == -np.inf
+        else:
+            after = exact_objective(bits[[*choice.chosen, index]], samples, alpha)
+            assert gains[index] == pytest.approx(after - choice.score(), abs=1e-5)
+    leaver, gain = choice.best_removal()
+    rest = [index for index in choice.chosen if index != leaver]
+    assert gain == pytest.approx(exact_objective(bits[rest], samples, alpha) - choice.score(), abs=1e-5)
+
+
+def test_selection_finds_the_best_set(device, rng):
+    """On ten candidates the search agrees with trying all sets, within the price of a primitive."""
+    samples = line_samples(rng)
+    tally, alpha = Tally(samples), 5e-3
+    for _ in range(10):
+        edges = np.sort(rng.uniform(-1, 1, (10, 2)), axis=1)
+        bits = spans(samples, edges)
+        chosen = select(bits, tally, alpha, SelectConfig(), device)
+        found = exact_objective(bits[chosen], samples, alpha) if chosen else 0.0
+        best = max(
+            exact_objective(bits[list(group)], samples, alpha)
+            for size in range(1, 5)
+            for group in combinations(range(10), size)
+        )
+        assert found >= best - alpha
+
+
+def test_two_halves_give_way_to_the_whole(device, rng):
+    """Greedy choice of halves is mended when one candidate does for both."""
+    samples = line_samples(rng)
+    bits = spans(samples, [(-0.8, 0.0), (0.0, 0.8), (-0.8, 0.8)])
+    assert select(bits, Tally(samples), 1e-3, SelectConfig(), device, start=2) == [2]
+
+
+def test_limits(device, rng):
+    samples = line_samples(rng)
+    bits = spans(samples, [(-0.8, -0.3), (-0.3, 0.3), (0.3, 0.8)])
+    tally = Tally(samples)
+    assert sorted(select(bits, tally, 1e-3, SelectConfig(), device)) == [0, 1, 2]
+    assert len(select(bits, tally, 1e-3, SelectConfig(), device, most=2)) == 2
+    assert select(bits[:0], tally, 1e-3, SelectConfig(), device) == []
+    outside = spans(samples, [(0.85, 1.0)])
+    assert select(outside, tally, 1e-3, SelectConfig(), device) == []
+
+
+def test_prune_drops_what_does_not_pay(device, rng):
+    samples = line_samples(rng)
+    bits = spans(samples, [(-0.8, 0.8), (-0.1, 0.1), (-0.5, 0.2), (0.79, 0.81)])
+    assert prune(bits, Tally(samples), 1e-3, device) == [0]
+    assert prune(bits[:1], Tally(samples), 1e-3, device) == [0]
+
+
+@pytest.mark.parametrize("count", [1, 2, 9])
+def test_owners(count, device, rng):
+    """Union, owner, runner-up and share against NumPy on the same distances."""
+    families = ["superfrustum"] * count
+    rows = random_rows(rng, families)
+    primitives = PrimitiveSet(rows, families, device)
+    blocks = point_blocks(rng.uniform(-1, 1, (1000, 3)), device)
+    values = primitives_at(primitives, blocks)
+    found = find_owners(primitives, blocks, values)
+    table = values.numpy().reshape(count, -1)[:, :1000]
+    order = np.argsort(table, axis=0, kind="stable")
+    np.testing.assert_array_equal(found.owner, order[0])
+    np.testing.assert_array_equal(found.nearest, table.min(0))
+    union = table[0]
+    for value, blend in zip(table[1:], rows[1:, BLEND], strict=True):
+        union = np.minimum(union, value) - np.maximum(blend - np.abs(union - value), 0) ** 2 / (4 * blend)
+    np.testing.assert_allclose(found.union, union, atol=1e-6)
+    if count == 1:
+        assert (found.share == 1).all() and found.runner_up.min() > 1e20
+        return
+    np.testing.assert_array_equal(found.second, order[1])
+    gap = np.sort(table, axis=0)[1] - found.nearest
+    blend = rows[np.maximum(order[0], order[1]), BLEND]
+    np.testing.assert_allclose(found.share, np.clip(0.5 + 0.5 * gap / blend, 0, 1), atol=1e-5)
