@@ -10,14 +10,14 @@ import numpy as np
 
 from .solid_query import WindingQuery
 
-OFFSET = 1.0e-3
+OFFSET = 2.0e-3
 """How far outside a face is asked whether that is inside: bodies that touch within this (half a thousandth of
 the size) hide each other's faces."""
 
 COARSE = 0.15
 """Longest side of a triangle that a few points may judge."""
 
-FINE = 0.03
+FINE = 0.04
 """Triangles that are covered in part are split down to this: the width of the error where bodies meet."""
 
 CORNERS = np.array([[0.9, 0.05, 0.05], [0.05, 0.9, 0.05], [0.05, 0.05, 0.9], [1 / 3, 1 / 3, 1 / 3]])

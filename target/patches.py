@@ -19,9 +19,12 @@ from .weld import face_areas
 SHEET, BOUNDARY, INVERTED, INTERNAL = 0, 1, 2, 3
 """Verdicts: encloses nothing; bounds the solid; bounds it, but is inside out; lies within the solid."""
 
-PROBES_PER_PATCH = 48
-MAX_PROBES = 6000
-"""Points at which patches are judged: on each at most so many, on all together about so many."""
+MIN_PROBES, PROBES_PER_PATCH = 6, 48
+MAX_PROBES = 3000
+"""Points at which patches are judged: on each so many at least and at most, on all together about so many."""
+
+STEPS = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps that fill a square evenly (R2)."""
 
 PROBE_OFFSET = 0.002
 """Distance of a probe from the surface: above rounding, below the thickness of what is worth fitting."""
@@ -32,9 +35,9 @@ CLEAR = 0.25
 CLEAR_SHARE = 0.8
 """A patch bounds a solid if so many of its probes say so: beside a hole's rim none does."""
 
-FLOOD_RESOLUTION = 128
-WALL = 3.0 / FLOOD_RESOLUTION
-"""Distance (1.5 cells) that the flood keeps from the surface: holes up to twice as wide are closed to it."""
+FLOOD_RESOLUTION = 96
+WALL = 2.5 / FLOOD_RESOLUTION
+"""Distance (1.25 cells) that the flood keeps from the surface: holes up to twice as wide are closed to it."""
 
 MARCH = (1.2, 1.8, 2.6, 3.6)
 """Distances, in WALL, at which a probe looks for a cell that the surface does not touch."""
@@ -58,11 +61,11 @@ class Probes:
 
 
 def place_probes(vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> Probes:
-    """Middles of faces (m, 3), chosen by area within each of their patches (m,)."""
+    """Points on faces (m, 3), evenly spread over each of their patches (m,)."""
     area = face_areas(vertices, faces)
     order = np.argsort(patch, kind="stable")
     label, start, count = np.unique(patch[order], return_index=True, return_counts=True)
-    each = max(4, min(PROBES_PER_PATCH, MAX_PROBES // len(label)))
+    each = max(MIN_PROBES, min(PROBES_PER_PATCH, MAX_PROBES // len(label)))
     running = np.concatenate([[0.0], np.cumsum(area[order])])
     low, high = running[start], running[start + count]
     share = (np.arange(each) + 0.5) / each
@@ -70,13 +73,16 @@ def place_probes(vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> 
     index = np.clip(
         np.searchsorted(running, place, side="right") - 1, start[:, None], (start + count - 1)[:, None]
     )
-    chosen = np.unique(order[index.ravel()])
+    chosen = order[index.ravel()]
+    u, v = np.modf(np.arange(len(chosen))[:, None] * STEPS)[0].T
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u)[:, None], np.where(over, 1.0 - v, v)[:, None]
     a, b, c = (vertices[faces[chosen, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
     real = length > 0.0
-    normals = cross[real] / length[real][:, None]
-    return Probes(((a + b + c) / 3.0)[real], normals, patch[chosen[real]])
+    points = (a * (1.0 - u - v) + b * u + c * v)[real]
+    return Probes(points, cross[real] / length[real][:, None], patch[chosen[real]])
 
 
 def wind(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, device: wp.Device) -> np.ndarray:

@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from .curvature import Curvature, measure_curvature, weight_of
-from .solid_query import SolidQuery
+from .solid_query import Located, SolidQuery
 from .topology import find_edges, label_patches
 from .weld import face_areas
 
@@ -164,26 +163,18 @@ class Skin:
         order = np.arange(count) * len(base) // count
         noise = np.where(rng.permutation(count) < round(TIGHT_SHARE * count), TIGHT_NOISE, NOISE)
         points = base[order] + (rng.standard_normal((count, 3)) * noise[:, None]).astype(np.float32)
-        return NearPoints(points, self.query.signed_distance(points), self.weight_near(points))
+        located = self.query.locate(points)
+        return NearPoints(points, located.distance, self.weight_at(located))
 
-    def weight_near(self, points: np.ndarray) -> np.ndarray:
-        """Weight (n,) float32 of the surface nearest to points (n, 3)."""
-        nearest = np.full(len(points), np.inf)
-        weight = np.full(len(points), 1.5, np.float32)
-        asked = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=self.query.device)
-        for layer, mesh in zip(self.layers, self._meshes(), strict=True):
+    def weight_at(self, located: Located) -> np.ndarray:
+        """Weight (n,) float32 of the surface nearest to located points."""
+        weight = np.empty(len(located.face), np.float32)
+        for layer in self.layers:
             if layer.offset < 0.0:
                 continue
-            found = mesh.closest_points(asked)
-            distance = found.distance.numpy() - layer.offset
-            closer = distance < nearest
-            value = weight_of(layer.bend.at(found.point.numpy()[closer], found.face.numpy()[closer]))
-            weight[closer], nearest[closer] = value, distance[closer]
+            chosen = located.on_sheet == (layer.offset > 0.0)
+            weight[chosen] = weight_of(layer.bend.at(located.nearest[chosen], located.face[chosen]))
         return weight
-
-    def _meshes(self) -> list:
-        solid = [self.query.boundary] if self.query.boundary is not None else []
-        return solid + ([self.query.sheets] * 2 if self.query.sheets is not None else [])
 
 
 def _stratify(

@@ -147,20 +147,48 @@ def judge_patches(
     flooded = unclear & ((found == BOUNDARY) | (found == INVERTED))
     verdict[found == INTERNAL] = INTERNAL
     if flooded.any():
-        # What the flood found must wind as well, or nothing would be inside behind it.
         verdict[flooded] = BOUNDARY
-        checked = judge(flooded, bodies.closed | (bodies.open & (verdict == BOUNDARY)), judge_by_winding)
-        verdict[flooded & (checked != BOUNDARY)] = SHEET
+        verdict[flooded & ~_winds(vertices, bodies, verdict == BOUNDARY, turned, flooded, device)] = SHEET
     return verdict, flooded, turned
+
+
+def _winds(
+    vertices: np.ndarray,
+    bodies: Bodies,
+    bounding: np.ndarray,
+    turned: np.ndarray,
+    judged: np.ndarray,
+    device: wp.Device,
+) -> np.ndarray:
+    """Whether faces `bounding` (m,) wind clearly round what is behind `judged` (m,), holes closed; (m,) bool.
+
+    Without that, nothing would be inside behind a patch, however dry the flood left it.
+    """
+    faces = np.where(turned[:, None], bodies.faces[:, ::-1], bodies.faces)[bounding]
+    capped, fans, owner, _ = cap_holes(vertices, faces, bodies.patch[bounding], device)
+    found = judge_by_winding(
+        capped,
+        np.concatenate([faces, fans]),
+        np.concatenate([bodies.patch[bounding], owner]),
+        np.concatenate([judged[bounding], np.zeros(len(fans), bool)]),
+        device,
+    )
+    result = np.zeros(len(judged), bool)
+    result[judged] = found[bodies.patch[judged]] == BOUNDARY
+    return result
 
 
 def drop_decals(query: SolidQuery, sheets: np.ndarray) -> np.ndarray:
     """Those of the sheets' faces (s, 3) that are not within the solid or drawn on its surface."""
     if not len(sheets) or query.winding is None:
         return sheets
+    limit = DECAL_SHARE * SHEET_THICKNESS
     corners = query.solid.vertices[sheets]
-    middles = corners.mean(axis=1, keepdims=True)
+    middles = corners.mean(axis=1)
+    kept = query.signed_distance(middles) > limit
+    low = np.flatnonzero(~kept)
     # Corners are drawn in a little: they often touch what the sheet is fixed to.
-    points = np.concatenate([corners + 0.1 * (middles - corners), middles], axis=1)
-    height = query.signed_distance(points.reshape(-1, 3)).reshape(len(sheets), 4)
-    return sheets[height.max(axis=1) > DECAL_SHARE * SHEET_THICKNESS]
+    drawn = corners[low] + 0.1 * (middles[low, None] - corners[low])
+    height = query.signed_distance(drawn.reshape(-1, 3)).reshape(-1, 3)
+    kept[low] = (height > limit).any(axis=1)
+    return sheets[kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,21 @@ class WindingQuery:
         return found == 1
 
 
+@dataclass(frozen=True)
+class Located:
+    """Where the surface of a solid is, seen from n points; normalised."""
+
+    distance: np.ndarray
+    """(n,) float32, signed, negative inside."""
+    nearest: np.ndarray
+    """(n, 3) float32, the nearest point of the boundary's faces, or of the sheets' (half a thickness under the
+    surface)."""
+    face: np.ndarray
+    """(n,) int32, the face that it lies in, among `boundary_faces` or `sheet_faces`."""
+    on_sheet: np.ndarray
+    """(n,) bool, which of the two."""
+
+
 class SolidQuery:
     """A solid on a device, ready for queries.
 
@@ -72,15 +88,26 @@ class SolidQuery:
 
         Exact but where sheets meet the rest: there the nearer of the two surfaces counts, also inside.
         """
+        return self.locate(points).distance
+
+    def locate(self, points: np.ndarray) -> Located:
+        """`signed_distance` of points (n, 3), and where the surface that it is to lies."""
         points = np.ascontiguousarray(points, np.float32)
         distance = np.full(len(points), np.inf, np.float32)
+        nearest, face = points.copy(), np.full(len(points), -1, np.int32)
+        on_sheet = np.zeros(len(points), bool)
         if not len(points):
-            return distance
-        queries = wp.array(points, dtype=wp.vec3, device=self.device)
+            return Located(distance, nearest, face, on_sheet)
+        asked = wp.array(points, dtype=wp.vec3, device=self.device)
         if self.boundary is not None and self.winding is not None:
-            distance = self.boundary.closest_points(queries).distance.numpy()
+            found = self.boundary.closest_points(asked)
+            distance, nearest, face = found.distance.numpy(), found.point.numpy(), found.face.numpy()
             distance = np.where(self.winding.contains(points), -distance, distance)
         if self.sheets is not None:
-            sheet = self.sheets.closest_points(queries).distance.numpy()
-            distance = np.minimum(distance, sheet - np.float32(0.5 * self.solid.thickness))
-        return distance.astype(np.float32)
+            found = self.sheets.closest_points(asked)
+            above = found.distance.numpy() - np.float32(0.5 * self.solid.thickness)
+            on_sheet = above < distance
+            distance = np.minimum(distance, above)
+            nearest = np.where(on_sheet[:, None], found.point.numpy(), nearest)
+            face = np.where(on_sheet, found.face.numpy(), face)
+        return Located(distance, nearest, face, on_sheet)
