@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from .region import Region, region_from_mask
+from .region import Region, region_from_mask, true_box
 from .residual import SMALLEST_VOLUME, Residual
 
 COARSE_VOLUME = 20_000
@@ -30,9 +30,17 @@ class WorkingGrid:
 
     def region(self, mask: np.ndarray, source: str) -> Region | None:
         """The fine region of a mask (a, b, c) on this grid; None if it is too small."""
-        if self.coarse:
-            mask = refine_mask(mask, self.depth, self.residual.depth > 0.0)
-        region = region_from_mask(mask, self.residual.lower, self.residual.resolution, source)
+        lower = self.residual.lower
+        if self.coarse and (box := true_box(mask)) is not None:
+            # One cell more on every side, for the fringe.
+            wide = tuple(
+                slice(max(0, edge.start - 1), min(size, edge.stop + 1))
+                for edge, size in zip(box, mask.shape, strict=True)
+            )
+            fine = tuple(slice(2 * edge.start, 2 * edge.stop) for edge in wide)
+            mask = refine_mask(mask[wide], self.depth[wide], self.residual.depth[fine] > 0.0)
+            lower = lower + np.array([edge.start for edge in fine], np.int32)
+        region = region_from_mask(mask, lower, self.residual.resolution, source)
         return region if region is not None and region.volume >= SMALLEST_VOLUME else None
 
 
