@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .patches import wind
+from .patches import PROBE_OFFSET, wind
 from .topology import connected_labels, find_edges
 
 RIM_SHARE = 0.7
@@ -47,8 +47,14 @@ def cap_holes(
     middle = np.stack([np.bincount(rim, vertices[start, axis], count) / weight for axis in range(3)], axis=1)
     fans = np.stack([end, start, len(vertices) + rim], axis=1)
     capped = np.concatenate([vertices, middle])
-    winding = wind(vertices, faces, capped[fans].mean(axis=1), device)
-    beside = np.abs(winding - np.floor(winding) - 0.5) < RIM_WINDING
+    corners = capped[fans]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    offset = PROBE_OFFSET * cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
+    # On both sides: a cap that lies on the patch itself, as a flat patch's does, has half the winding on it, but
+    # not beside it.
+    sides = np.concatenate([corners.mean(axis=1) + offset, corners.mean(axis=1) - offset])
+    winding = wind(vertices, faces, sides, device)
+    beside = (np.abs(winding - np.floor(winding) - 0.5) < RIM_WINDING).reshape(2, -1).all(axis=0)
     kept = np.bincount(rim, beside, count) >= RIM_SHARE * weight
     return capped, fans[kept[rim]], owner[kept[rim]], int((~kept).sum())
 

@@ -66,7 +66,7 @@ def measure_curvature(vertices: np.ndarray, faces: np.ndarray) -> Curvature:
     cosine = np.einsum("ij,ij->i", normal[first], normal[second])
     solid = (length[first] > 0.0) & (length[second] > 0.0)
     sharp = solid & (cosine < np.cos(CREASE_ANGLE))
-    corner_normal = _corner_normals(faces, cross, first[~sharp], second[~sharp])
+    corner_normal = _corner_normals(faces, corners, normal, first[~sharp], second[~sharp])
     face = _largest_curvature(corners, normal, corner_normal)
     # Where three or more faces meet there is no smooth surface either.
     crease = np.concatenate([edge[sharp], np.flatnonzero(edges.face_count > 2)])
@@ -74,14 +74,19 @@ def measure_curvature(vertices: np.ndarray, faces: np.ndarray) -> Curvature:
 
 
 def _corner_normals(
-    faces: np.ndarray, cross: np.ndarray, first: np.ndarray, second: np.ndarray
+    faces: np.ndarray, corners: np.ndarray, normal: np.ndarray, first: np.ndarray, second: np.ndarray
 ) -> np.ndarray:
-    """Unit normal of each corner (m, 3, 3): the mean over the faces round its vertex that smooth edges join."""
+    """Unit normal of each corner (m, 3, 3): the mean, by angle, over the faces round its vertex that smooth edges
+    join."""
     shared = faces[first][:, :, None] == faces[second][:, None, :]
     pair, here, there = np.nonzero(shared)
     rows, columns = 3 * first[pair] + here, 3 * second[pair] + there
     group = connected_labels(rows, columns, faces.size)
-    weighted = np.repeat(cross, 3, axis=0)
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(ahead, behind), axis=2)
+    angle = np.arctan2(sine, np.einsum("fkj,fkj->fk", ahead, behind))
+    weighted = (angle[:, :, None] * normal[:, None, :]).reshape(-1, 3)
     total = np.stack([np.bincount(group, weighted[:, axis]) for axis in range(3)], axis=1)
     total /= np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
     return total[group].reshape(-1, 3, 3)
