@@ -145,7 +145,7 @@ def summary(result: FitResult, folder: Path) -> str:
     )
     stopped = result.status.value
     if result.placeholder:
-        stopped = "stopped before a part was found: the one part is a box around the mesh"
+        stopped = "before a part was found: the one part is a box around the mesh"
     elif not count:
         stopped = "no part would have raised the objective: the assembly is empty"
     lines = [
