@@ -46,7 +46,7 @@ class RefineConfig:
 
     iterations: int = 24
     """Levenberg steps a round."""
-    overlap: float = 0.1
+    overlap: float = 0.35
     """Weight of the rows that push a second primitive out of a covered point."""
     betas: tuple[float, float] = (30.0, 150.0)
     """Sharpness of the occupancy at the start and end, per normalised unit."""
@@ -70,7 +70,7 @@ class FitConfig:
     timeout: float = 0.0
     """Seconds after which the best so far is returned; 0 is off."""
     rounds: int = 10
-    parsimony: float = 1e-3
+    parsimony: float = 2e-3
     """Objective that a primitive must bring (alpha)."""
     resolution: int = 128
     samples: int = 16_384

@@ -8,18 +8,24 @@ import numpy as np
 import warp as wp
 
 from .adjoint import differentiable_union
+from .camera import frame_bounds
 from .culling import cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
+from .isosurface import extract_isosurface
 from .jacobian import jacobian
 from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
+from .morphology import deepest_core
 from .normal_equations import normal_equations
+from .occupancy import CandidateBits
 from .owned_points import owned_points
+from .ownership import find_owners
 from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
+from .raytrace import render_assembly, render_mesh
 from .rows import SHAPES, empty_rows
 
 
@@ -31,6 +37,7 @@ def warm_kernels(device: wp.Device) -> float:
         rows = empty_rows(1)
         rows[0, SHAPES:-2] = entry.shape_row()
         _warm_primitives(PrimitiveSet(rows, [name], device, requires_grad=True), points)
+    CandidateBits(np.ones((1, 4), bool), device).weigh([(np.arange(4), np.ones(4))])
     _warm_grids(device)
     return time.perf_counter() - begin
 
@@ -44,13 +51,20 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
     tape = wp.Tape()
     field = differentiable_union(primitives, blocks, tape)
     tape.backward(grads={field: wp.ones_like(field, requires_grad=False)})
+    extract_isosurface(primitives, 8)
+    camera = frame_bounds(np.full(3, -1.0), np.full(3, 1.0))
+    render_assembly(primitives, np.ones((1, 3)), camera, 16, 12, samples=1)
     owned = owned_points(points, np.zeros(len(points)), 1, np.zeros(len(points)), device=primitives.device)
     normal_equations(primitives, owned, 30.0)
+    find_owners(primitives, blocks, primitives_at(primitives, blocks))
 
 
 def _warm_grids(device: wp.Device) -> None:
     vertices = 0.8 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
     grid = signed_distance_grid(MeshQuery(vertices, faces, device), 16)
+    camera = frame_bounds(np.full(3, -1.0), np.full(3, 1.0))
+    render_mesh(vertices, faces, camera, 16, 12, samples=1, device=device)
     inside = wp.array(grid.distance.numpy() < 0, dtype=wp.bool, device=device)
     signed_distance_transform(inside)
+    deepest_core(np.ones((4, 4, 4), np.float32), 1)
