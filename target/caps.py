@@ -16,6 +16,10 @@ RIM_WINDING = 0.3
 inside, as between the panels of a body, it is a whole number."""
 
 
+PROBE_SHARE = 0.1
+"""How far beside a triangle of a cap is asked at most, in lengths of its size: a small hole's winding changes fast."""
+
+
 def cap_holes(
     vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray, device: wp.Device
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -49,7 +53,9 @@ def cap_holes(
     capped = np.concatenate([vertices, middle])
     corners = capped[fans]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    offset = PROBE_OFFSET * cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
+    length = np.linalg.norm(cross, axis=1)
+    height = np.minimum(PROBE_OFFSET, PROBE_SHARE * np.sqrt(length)) / np.maximum(length, 1e-300)
+    offset = height[:, None] * cross
     # On both sides: a cap that lies on the patch itself, as a flat patch's does, has half the winding on it, but
     # not beside it.
     sides = np.concatenate([corners.mean(axis=1) + offset, corners.mean(axis=1) - offset])

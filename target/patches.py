@@ -16,8 +16,8 @@ from ..kernels.mesh_probe import winding_numbers
 from ..kernels.mesh_query import MeshQuery
 from .weld import face_areas
 
-SHEET, BOUNDARY, INVERTED, INTERNAL = 0, 1, 2, 3
-"""Verdicts: encloses nothing; bounds the solid; bounds it, but is inside out; lies within the solid."""
+SHEET, BOUNDARY, INVERTED = 0, 1, 2
+"""Verdicts: encloses nothing; bounds the solid; bounds it, but is inside out."""
 
 MIN_PROBES, PROBES_PER_PATCH = 6, 48
 MAX_PROBES = 3000
@@ -141,11 +141,9 @@ def judge_by_flood(
     dry_front, dry_back = front > 1, back > 1
     outwards = probes.share(dry_back & ~dry_front, count)
     inwards = probes.share(dry_front & ~dry_back, count)
-    within = probes.share(dry_front & dry_back, count)
     decided = np.maximum(outwards, inwards) >= 0.5
     verdict[decided & (outwards >= inwards) & (verdict == SHEET)] = BOUNDARY
     verdict[decided & (inwards > outwards)] = INVERTED
-    verdict[within >= CLEAR_SHARE] = INTERNAL
     return verdict
 
 

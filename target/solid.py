@@ -16,7 +16,7 @@ import warp as wp
 from .bodies import Bodies, sort_bodies
 from .boundary import find_boundary
 from .caps import cap_holes
-from .patches import BOUNDARY, INTERNAL, INVERTED, SHEET, judge_by_flood, judge_by_winding
+from .patches import BOUNDARY, INVERTED, SHEET, judge_by_flood, judge_by_winding
 from .solid_query import SolidQuery, WindingQuery
 from .wording import Findings, name_kind, write_sentence
 
@@ -96,7 +96,7 @@ def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: 
         flooded_bodies=len(np.unique(bodies.patch[flooded & (verdict == BOUNDARY)])),
         closed_holes=closed_holes,
         open_holes=open_holes,
-        dropped_faces=len(sheets) - len(seen) + int((bodies.open & (verdict == INTERNAL)).sum()),
+        dropped_faces=len(sheets) - len(seen),
         sheet_faces=len(seen),
         thickness=thickness * scale,
     )
@@ -145,7 +145,6 @@ def judge_patches(
     found = judge(unclear, bodies.closed | bodies.open, judge_by_flood)
     turned ^= found == INVERTED
     flooded = unclear & ((found == BOUNDARY) | (found == INVERTED))
-    verdict[found == INTERNAL] = INTERNAL
     if flooded.any():
         verdict[flooded] = BOUNDARY
         verdict[flooded & ~_winds(vertices, bodies, verdict == BOUNDARY, turned, flooded, device)] = SHEET
