@@ -1,7 +1,8 @@
 # Every target sets up what it needs: a virtual environment in .venv with this checkout installed in it.
-#   make demo      a hand-written assembly, exported and rendered into out/demo/
+#   make demo      fit a bundled mesh: out/potted_cactus.resfit/ with preview.png, parts.glb, assembly.json
 #   make test      the quick tests (core and test packages only)
 #   make test-all  lint, type check and every test, the slow ones and those with optional packages too
+#   make results   the tables and pictures in docs/; MESHES="folder..." fits the meshes of other folders
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -16,7 +17,7 @@ help:
 	@sed -n 's/^#   //p' Makefile
 
 demo: install
-	@$(BIN)/python examples/hand_written.py out/demo
+	@$(BIN)/resfit demo -o out/potted_cactus.resfit
 
 test: install
 	@$(BIN)/python -m pytest -m "not slow and not browser"
@@ -38,6 +39,8 @@ schema: install
 
 results: install
 	@$(BIN)/resfit bench kernels --markdown docs/kernels.md
+	@$(BIN)/resfit demo -o out/potted_cactus.resfit && cp out/potted_cactus.resfit/preview.png docs/demo.png
+	@$(BIN)/python -m resfit.eval.results $(MESHES) --out docs
 
 bench: install
 	@$(BIN)/resfit bench kernels

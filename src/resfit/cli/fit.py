@@ -94,14 +94,13 @@ def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str,
     init = options.get("init")
     inputs = [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
     check_folder(folder, inputs)
+    clock = Clock.of_process()
     with catching_signals() as stop, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
         from resfit.api import fit as fit_mesh
 
         should_stop = _told_once(stop, reporter)
-        result = fit_mesh(
-            mesh, None, reporter.show, should_stop=should_stop, clock=Clock.of_process(), **options
-        )
+        result = fit_mesh(mesh, None, reporter.show, should_stop=should_stop, clock=clock, **options)
         code = STOPPED if result.status.stopped_early or stop.requested else 0
         # What was stopped before it began is worth less than an earlier fit.
         written = None if result.placeholder and holds_fit(folder) else str(folder)
@@ -110,7 +109,7 @@ def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str,
             result.save(folder)
         reporter.tell("done", status=result.status.name.lower(), exit_code=code, directory=written)
     if written:
-        sys.stdout.write(summary(result, folder))
+        sys.stdout.write(summary(result, folder, clock.wall_s))
     else:
         sys.stderr.write(
             f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.\n"
@@ -132,8 +131,14 @@ def _told_once(stop: Stop, reporter: Reporter) -> Any:
     return should_stop
 
 
-def summary(result: FitResult, folder: Path) -> str:
-    """What people want to know first, in a few lines."""
+def summary(result: FitResult, folder: Path, seconds: float) -> str:
+    """What people want to know first, in a few lines.
+
+    Args:
+        result: of the fit.
+        folder: where it was written.
+        seconds: that all of it took.
+    """
     count, iou = result.metrics["primitive_count"], result.metrics["iou"]
     parts = f"{count} part{'' if count == 1 else 's'}"
     distance = "no surface"
@@ -149,7 +154,7 @@ def summary(result: FitResult, folder: Path) -> str:
     elif not count:
         stopped = "no part would have raised the objective: the assembly is empty"
     lines = [
-        f"{result.input.name}: {parts}, {', '.join(figures)}, {result.metrics['wall_s']:.1f} s",
+        f"{result.input.name}: {parts}, {', '.join(figures)}, {seconds:.1f} s",
         f"  input    {result.input.sentence}",
         *(f"           {note}" for note in result.input.notes),
         f"  stopped  {stopped}",

@@ -15,6 +15,9 @@ ProgressMode = Literal["auto", "json", "none"]
 SURE_SHARE = 0.12
 """Share of the work after which the time left is said: before, one slow stage would promise hours."""
 
+WRITING_SHARE = 0.95
+"""Share of the work that is done when the files are written. Rounds that were not needed count as done then."""
+
 STAGES = {
     "load": "reading the mesh",
     "solid": "deciding the solid",
@@ -128,6 +131,8 @@ class BarReporter(Reporter):
         words = {"stopping": "stopping", "writing": "writing files"}
         if event in words:
             self.bar.update(self.task, description=words[event], left="")
+        if event == "writing":
+            self.bar.update(self.task, completed=WRITING_SHARE)
 
 
 def make_reporter(mode: ProgressMode) -> Reporter:
