@@ -29,6 +29,10 @@ from .select import prune, select
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
 
+FIRST_PRICE, PRICE_GROWTH = 0.3, 1.5
+"""A primitive costs this share of its price in the first round, and so much more in each later one: an assembly that
+is rich at first finds what belongs together; one that is poor at first stays so (a plate with pockets as one box)."""
+
 STARTING_BLEND = 0.02
 """Blend radius of new primitives while they are refined; the last step chooses one for each."""
 
@@ -70,6 +74,7 @@ class Fit:
         self.grid_shape = shape
         self.grid_points = grid_blocks(shape, lower, spacing, device)
         self.memory = CandidateMemory()
+        self.alpha = config.parsimony
         self.rounds: list[Round] = []
         self.timings: dict[str, float] = {}
         self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
@@ -91,7 +96,7 @@ class Fit:
 
     def assess(self, rows: np.ndarray) -> Score:
         """The objective of rows as they are, blends included."""
-        return score_values(self.values(rows), rows[:, BLEND], self.tally, self.config.parsimony)
+        return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)
 
     def look(self) -> None:
         """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU."""
@@ -137,7 +142,7 @@ class Fit:
             if reason is None:
                 accepted = self.round(number)
                 reason = self.reason_to_stop()
-                if reason is None and not accepted:
+                if reason is None and not accepted and self.alpha == self.config.parsimony:
                     reason = Status.SATURATED
             if reason is not None:
                 status = reason
@@ -171,9 +176,17 @@ class Fit:
             return Status.MAX_PRIMITIVES
         return None
 
+    def set_price(self, number: int) -> None:
+        """Set the price of a primitive for a round, and see what the best so far is worth at it."""
+        share = min(1.0, FIRST_PRICE * PRICE_GROWTH**number)
+        last = number + 1 >= self.config.rounds
+        self.alpha = self.config.parsimony * (1.0 if last else share)
+        self.score = self.assess(self.rows)
+
     def round(self, number: int) -> bool:
         """One round; the best so far changes only if the objective rises. Returns whether it rose enough."""
         config = self.config
+        self.set_price(number)
         self.tell("decompose", number, 0.0)
         with self.timed("decompose"):
             regions = propose_regions(
@@ -209,7 +222,7 @@ class Fit:
                 selected, self.families(selected), self.samples, config.refine, self.device, self.should_stop
             )
         with self.timed("prune"):
-            kept = refined[prune(self.values(refined) < 0, self.tally, config.parsimony, self.device)]
+            kept = refined[prune(self.values(refined) < 0, self.tally, self.alpha, self.device)]
             score = self.assess(kept)
         rise = score.objective - self.score.objective
         self.rounds.append(
@@ -256,7 +269,7 @@ class Fit:
         return select(
             bits,
             self.tally,
-            self.config.parsimony,
+            self.alpha,
             self.config.select,
             self.device,
             len(self.rows),
@@ -267,17 +280,19 @@ class Fit:
         """Blends, then a last sharp refinement; kept only where the objective rises."""
         if not len(self.rows):
             return
+        self.alpha = self.config.parsimony
+        self.score = self.assess(self.rows)
         with self.timed("finish"):
             rows = self.rows
             if self.config.union == "smooth":
-                rows = choose_blends(self.values(rows), rows, self.tally, self.config.parsimony)
+                rows = choose_blends(self.values(rows), rows, self.tally, self.alpha)
             sharp = replace(self.config.refine, betas=(80.0, 250.0))
             for candidate in (
                 rows,
                 refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop),
             ):
                 kept = candidate[
-                    prune(self.values(candidate) < 0, self.tally, self.config.parsimony, self.device)
+                    prune(self.values(candidate) < 0, self.tally, self.alpha, self.device)
                 ]
                 score = self.assess(kept)
                 if score.objective > self.score.objective:
