@@ -16,9 +16,11 @@ from .objective import Tally
 class Chooser:
     """The chosen candidates and the gains of all others."""
 
-    def __init__(self, bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device):
+    def __init__(
+        self, bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device, false_volume: float = 1.0
+    ):
         """`bits` (candidates, n) bool: which sample points each candidate holds."""
-        self.tally, self.alpha = tally, alpha
+        self.tally, self.alpha, self.false_volume = tally, alpha, false_volume
         self.points = [np.flatnonzero(row) for row in bits]
         self.bits = CandidateBits(bits, device)
         self.counts = np.zeros(bits.shape[1], np.int32)
@@ -75,20 +77,22 @@ class Chooser:
         self.chosen.remove(index)
 
     def score(self) -> float:
-        """The objective of the choice as it is."""
-        return float(self.tally.objective(self.held, len(self.chosen), self.alpha))
+        """The objective of the choice as it is, with false volume weighed as asked for."""
+        return float(self._objective(self.held, len(self.chosen)))
 
-    def gains(self, false_volume: float = 1.0) -> np.ndarray:
+    def _objective(self, held: np.ndarray, primitive_count: int) -> np.ndarray:
+        return self.tally.objective(held, primitive_count, self.alpha, self.false_volume)
+
+    def gains(self) -> np.ndarray:
         """What each candidate would add to the objective, -inf for those chosen."""
         count = len(self.chosen)
-        now = self.tally.objective(self.held, count, self.alpha, false_volume)
-        gains = self.tally.objective(self.held + self.sums, count + 1, self.alpha, false_volume) - now
+        gains = self._objective(self.held + self.sums, count + 1) - self._objective(self.held, count)
         gains[self.chosen] = -np.inf
         return gains
 
-    def best_addition(self, false_volume: float = 1.0) -> tuple[int, float]:
+    def best_addition(self) -> tuple[int, float]:
         """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left."""
-        gains = self.gains(false_volume)
+        gains = self.gains()
         if not len(gains):
             return -1, -np.inf
         leader = int(np.argmax(gains))
@@ -106,7 +110,7 @@ class Chooser:
             held = self.held.copy()
             held[:4] -= self.tally.sums(points[counts == 1])
             held[4] -= self.tally.box[points[counts == 2]].sum()
-            gain = float(self.tally.objective(held, count - 1, self.alpha)) - now
+            gain = float(self._objective(held, count - 1)) - now
             if gain > best_gain:
                 best, best_gain = member, gain
         return best, best_gain

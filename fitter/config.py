@@ -34,8 +34,6 @@ class ProposeConfig:
 class SelectConfig:
     """Greedy forward selection."""
 
-    false_volume: float = 1.5
-    """Weight of volume outside the target while choosing: additive parts can never take it back."""
     beam: int = 4
     """First picks that are followed up side by side."""
 
@@ -70,6 +68,8 @@ class FitConfig:
     timeout: float = 0.0
     """Seconds after which the best so far is returned; 0 is off."""
     rounds: int = 10
+    excursions: int = 1
+    """Times that a saturated fit is made rich again and goes on from there."""
     parsimony: float = 2e-3
     """Objective that a primitive must bring (alpha)."""
     resolution: int = 128
@@ -103,6 +103,7 @@ class FitConfig:
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "rounds": 2,
+        "excursions": 0,
         "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
         "refine": RefineConfig(iterations=14),
         "samples": 8192,

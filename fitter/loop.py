@@ -29,9 +29,10 @@ from .select import prune, select
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
 
-FIRST_PRICE, PRICE_GROWTH = 0.3, 1.5
-"""A primitive costs this share of its price in the first round, and so much more in each later one: an assembly that
-is rich at first finds what belongs together; one that is poor at first stays so (a plate with pockets as one box)."""
+RICH_ROUNDS = ((0.3, 2.5), (0.5, 2.0), (0.75, 1.4))
+"""Price of a primitive, as a share of the full one, and weight of false volume in the first rounds. An assembly that
+is rich and precise at first finds what belongs together; one that is poor and bulky at first stays so (a plate with
+pockets as one box)."""
 
 STARTING_BLEND = 0.02
 """Blend radius of new primitives while they are refined; the last step chooses one for each."""
@@ -83,6 +84,7 @@ class Fit:
         self.field: np.ndarray | None = None
         if len(self.rows):
             self.look()
+        self.best_rows, self.best_score, self.best_iou = self.rows, self.score, self.iou
 
     # What everything below asks -----------------------------------------------------------------------------------
 
@@ -136,17 +138,25 @@ class Fit:
 
     def run(self) -> Outcome:
         """All rounds, then the blends and a last refinement."""
-        status = Status.ROUNDS
+        status, excursions, since = Status.ROUNDS, self.config.excursions, 0
         for number in range(self.config.rounds):
             reason = self.reason_to_stop()
             if reason is None:
-                accepted = self.round(number)
+                last = number + 1 == self.config.rounds
+                rich = RICH_ROUNDS[since] if since < len(RICH_ROUNDS) and not last else None
+                rose = self.round(number, rich)
+                since += 1
                 reason = self.reason_to_stop()
-                if reason is None and not accepted and self.alpha == self.config.parsimony:
-                    reason = Status.SATURATED
+                if reason is None and not rose and rich is None:
+                    # One more try from a rich assembly, if there is room to make it plain again.
+                    if excursions and self.config.rounds - number > len(RICH_ROUNDS) + 1:
+                        excursions, since = excursions - 1, 0
+                    else:
+                        reason = Status.SATURATED
             if reason is not None:
                 status = reason
                 break
+        self.rows, self.score = self.best_rows, self.best_score
         if not status.stopped_early:
             self.finish()
         order = (
@@ -176,17 +186,16 @@ class Fit:
             return Status.MAX_PRIMITIVES
         return None
 
-    def set_price(self, number: int) -> None:
-        """Set the price of a primitive for a round, and see what the best so far is worth at it."""
-        share = min(1.0, FIRST_PRICE * PRICE_GROWTH**number)
-        last = number + 1 >= self.config.rounds
-        self.alpha = self.config.parsimony * (1.0 if last else share)
-        self.score = self.assess(self.rows)
+    def round(self, number: int, rich: tuple[float, float] | None) -> bool:
+        """One round. Returns whether the best so far rose enough.
 
-    def round(self, number: int) -> bool:
-        """One round; the best so far changes only if the objective rises. Returns whether it rose enough."""
+        A rich round, given its share of the price and its weight of false volume, is gone on from whatever it comes
+        to; a plain one only if the objective rises.
+        """
         config = self.config
-        self.set_price(number)
+        share, false_volume = rich or (1.0, 1.0)
+        self.alpha = config.parsimony * share
+        self.score = self.assess(self.rows)
         self.tell("decompose", number, 0.0)
         with self.timed("decompose"):
             regions = propose_regions(
@@ -212,7 +221,7 @@ class Fit:
             return False
         self.tell("select", number, 0.5)
         with self.timed("select"):
-            chosen = self.choose(pool)
+            chosen = self.choose(pool, false_volume)
         if not chosen:
             return False
         self.tell("refine", number, 0.6)
@@ -224,7 +233,7 @@ class Fit:
         with self.timed("prune"):
             kept = refined[prune(self.values(refined) < 0, self.tally, self.alpha, self.device)]
             score = self.assess(kept)
-        rise = score.objective - self.score.objective
+        accepted = rich is not None or score.objective > self.score.objective
         self.rounds.append(
             Round(
                 [region.describe() for region in regions],
@@ -233,14 +242,23 @@ class Fit:
                 refined,
                 kept,
                 score,
-                rise > 0,
+                accepted,
             )
         )
-        if rise > 0:
+        if accepted:
             self.rows, self.score = kept, score
             self.look()
+        rise = self.remember_best()
         self.tell("prune", number, 1.0)
         return rise > SATURATION
+
+    def remember_best(self) -> float:
+        """Keep the rows if they beat the best at the full price; returns by how much they do."""
+        score = replace_price(self.score, self.config.parsimony, self.alpha)
+        rise = score.objective - self.best_score.objective
+        if rise > 0:
+            self.best_rows, self.best_score, self.best_iou = self.rows, score, self.iou
+        return rise
 
     def neighbour_regions(self) -> list[Region]:
         """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
@@ -263,7 +281,7 @@ class Fit:
         owners = values[:, wrong].argmin(0)
         return np.bincount(owners, self.samples.weight[wrong], minlength=len(self.rows))
 
-    def choose(self, pool: np.ndarray) -> list[int]:
+    def choose(self, pool: np.ndarray, false_volume: float) -> list[int]:
         """Indices into the pool; the primitives so far come first in it and may be swapped out."""
         bits = self.values(pool) < 0
         return select(
@@ -272,6 +290,7 @@ class Fit:
             self.alpha,
             self.config.select,
             self.device,
+            false_volume,
             len(self.rows),
             self.config.max_primitives,
         )
@@ -281,7 +300,6 @@ class Fit:
         if not len(self.rows):
             return
         self.alpha = self.config.parsimony
-        self.score = self.assess(self.rows)
         with self.timed("finish"):
             rows = self.rows
             if self.config.union == "smooth":
@@ -291,13 +309,16 @@ class Fit:
                 rows,
                 refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop),
             ):
-                kept = candidate[
-                    prune(self.values(candidate) < 0, self.tally, self.alpha, self.device)
-                ]
+                kept = candidate[prune(self.values(candidate) < 0, self.tally, self.alpha, self.device)]
                 score = self.assess(kept)
                 if score.objective > self.score.objective:
                     self.rows, self.score = kept, score
         self.look()
+
+
+def replace_price(score: Score, alpha: float, before: float) -> Score:
+    """The score with another price of a primitive."""
+    return replace(score, objective=score.objective + (before - alpha) * score.primitive_count)
 
 
 def objective_samples(target: Target) -> ObjectiveSamples:

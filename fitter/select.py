@@ -23,6 +23,7 @@ def select(
     alpha: float,
     config: SelectConfig,
     device: wp.Device,
+    false_volume: float = 1.0,
     start: int = 0,
     most: int = 1_000_000,
 ) -> list[int]:
@@ -32,38 +33,38 @@ def select(
         bits: (candidates, n) bool: which sample points each candidate holds.
         tally: the objective's sums.
         alpha: price of a primitive.
-        config: beam and weight of false volume.
+        config: width of the search.
         device: where points are counted.
+        false_volume: weight of volume outside the target: above 1, precise candidates win over bulky ones.
         start: the first so many candidates are chosen already; they may be swapped out again.
         most: most primitives to choose.
 
     Returns:
         Indices in the order of choice.
     """
-    root = Chooser(bits, tally, alpha, device)
+    root = Chooser(bits, tally, alpha, device, false_volume)
     for index in range(start):
         root.add(index)
     beginnings = [root]
     if not start:
-        gains = root.gains(config.false_volume)
+        gains = root.gains()
         leaders = [int(i) for i in np.argsort(-gains, kind="stable")[: config.beam] if gains[i] > 0]
         beginnings = [root.copy() for _ in leaders]
         for beginning, leader in zip(beginnings, leaders, strict=True):
             beginning.add(leader)
     for beginning in beginnings:
-        _grow(beginning, config, most)
+        _grow(beginning, most)
         _exchange(beginning, most)
     return max(beginnings, key=Chooser.score).chosen if beginnings else []
 
 
-def _grow(choice: Chooser, config: SelectConfig, most: int) -> None:
-    """Add the best candidate while one gains, first with false volume weighed more, then by the objective itself."""
-    for false_volume in (config.false_volume, 1.0):
-        while len(choice.chosen) < most:
-            leader, gain = choice.best_addition(false_volume)
-            if gain <= 0:
-                break
-            choice.add(leader)
+def _grow(choice: Chooser, most: int) -> None:
+    """Add the best candidate while one gains."""
+    while len(choice.chosen) < most:
+        leader, gain = choice.best_addition()
+        if gain <= 0:
+            return
+        choice.add(leader)
 
 
 def _exchange(choice: Chooser, most: int) -> None:
