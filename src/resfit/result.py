@@ -23,6 +23,7 @@ from resfit.export.by_suffix import export_assembly
 from resfit.fitter.outcome import Status
 from resfit.folder import REPORT, REPORT_FORMAT, filling
 from resfit.kernels.camera import frame_bounds
+from resfit.kernels.isosurface import tight_bounds
 from resfit.kernels.launch import choose_device, core_count
 from resfit.kernels.raytrace import render_assembly, render_mesh
 from resfit.target.target import Target
@@ -149,7 +150,12 @@ class FitResult:
         target, primitives = self.target, self.assembly.on_device(self.device)
         width, height = PANEL
         up = "z" if self.input.name.lower().endswith(Z_UP_SUFFIXES) else "y"
-        camera = frame_bounds(target.lower, target.upper, up=up, aspect=width / height)
+        lower, upper = target.lower, target.upper
+        if len(primitives):
+            # What sticks out of the input must be seen, but one part gone astray may not make all else small.
+            found = np.clip(tight_bounds(primitives), -1.0, 1.0)
+            lower, upper = np.minimum(lower, found[0]), np.maximum(upper, found[1])
+        camera = frame_bounds(lower, upper, up=up, aspect=width / height)
         colors = np.array([rgb(part.color) for part in self.assembly.primitives]).reshape(-1, 3)
         left = render_mesh(target.vertices, target.faces, camera, width, height, device=device)
         return np.concatenate([left, render_assembly(primitives, colors, camera, width, height)], axis=1)
