@@ -44,7 +44,7 @@ class RefineConfig:
 
     iterations: int = 24
     """Levenberg steps a round."""
-    overlap: float = 0.35
+    overlap: float = 0.2
     """Weight of the rows that push a second primitive out of a covered point."""
     betas: tuple[float, float] = (30.0, 150.0)
     """Sharpness of the occupancy at the start and end, per normalised unit."""
@@ -70,7 +70,7 @@ class FitConfig:
     rounds: int = 10
     excursions: int = 1
     """Times that a saturated fit is made rich again and goes on from there."""
-    parsimony: float = 2e-3
+    parsimony: float = 2.5e-3
     """Objective that a primitive must bring (alpha)."""
     resolution: int = 128
     samples: int = 16_384
