@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from resfit.api import FitConfig, FitResult, export, fit
+    from resfit.api import FitConfig, FitResult, evaluate, export, fit
     from resfit.assembly.assembly import Assembly
     from resfit.assembly.primitive import Pose, Primitive
     from resfit.assembly.transform import Transform
@@ -26,6 +26,7 @@ __all__ = [
     "ResfitError",
     "Transform",
     "__version__",
+    "evaluate",
     "export",
     "fit",
 ]
@@ -38,6 +39,7 @@ _HOMES = {
     "Primitive": "resfit.assembly.primitive",
     "ResfitError": "resfit.errors",
     "Transform": "resfit.assembly.transform",
+    "evaluate": "resfit.api",
     "export": "resfit.api",
     "fit": "resfit.api",
 }

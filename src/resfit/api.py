@@ -14,6 +14,8 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.transform import Transform
 from resfit.clock import Clock
 from resfit.errors import InputError
+from resfit.eval.evaluate import Align
+from resfit.eval.evaluate import evaluate as evaluate_prediction
 from resfit.export.by_suffix import export_assembly as export
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.loop import Progress, fit_target
@@ -27,7 +29,7 @@ from resfit.target.target import Target, make_target
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Assembly", "FitConfig", "FitResult", "Progress", "export", "fit"]
+__all__ = ["Assembly", "FitConfig", "FitResult", "Progress", "evaluate", "export", "fit"]
 
 TARGET_SHARE = 0.1
 """Of the work, as the progress bar counts it: what loading and measuring the mesh takes."""
@@ -100,6 +102,39 @@ def fit(
     timings["compile"] = launch.compile_seconds - compiled
     name = mesh_or_path if isinstance(mesh_or_path, str | os.PathLike) else None
     return measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
+
+
+def evaluate(
+    prediction: Any,
+    target: Any,
+    *,
+    align: Align = "none",
+    emd: bool = True,
+    features: Any = None,
+    device: str = "auto",
+) -> dict[str, Any]:
+    """Score a reconstruction of a mesh by the metrics that papers and peers report.
+
+    Args:
+        prediction: what `fit` returned, an Assembly, the path of an assembly.json or of a fit's folder, or the parts of
+            any other tool as a mesh file, a trimesh mesh or scene, or a sequence of meshes, in the target's own frame.
+        target: the mesh: a path or a trimesh object.
+        align: `bbox` moves the prediction's box onto the target's, in the same proportions.
+        emd: whether to compute the earth mover's distance, which takes about as long as the rest.
+        features: where features for IntraPrim and InterPrim come from: points (n, 3) and features (n, d), a function of
+            a mesh's path and points, the name of an installed source, or a command with {mesh} {points} {out}.
+        device: `auto`, `cpu`, `cuda:0`.
+
+    Returns:
+        iou, bisurf_iou, bisurf_iou_005, cd, cd_floor, emd, primitive_count, overlap, unoverlap, intra_prim, inter_prim,
+        floats, surface_mean, surface_p95, surface_max, closed, target_kind, target_rule, notes. Measured in the
+        target's normalised frame (longest side 1.8); shares are in 0..1; None where there is nothing to measure.
+
+    Raises:
+        InputError: if something cannot be read.
+    """
+    prediction = getattr(prediction, "assembly", prediction)
+    return evaluate_prediction(prediction, target, align=align, emd=emd, features=features, device=device)
 
 
 def make_config(config: FitConfig | None, preset: str | None, options: dict[str, Any]) -> FitConfig:

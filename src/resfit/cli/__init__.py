@@ -1,7 +1,7 @@
 """The command line: one file a command.
 
 Exit codes: 0 done; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input (one
-sentence, nothing written); 4 stopped early, the best so far written. Modules of commands import nothing heavy, so that
+sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written. Modules of commands import nothing heavy, so that
 `--help` is quick.
 """
 
@@ -37,6 +37,7 @@ def build_app(everything: bool = False) -> App:
     from resfit.cli.bench import bench
     from resfit.cli.demo import demo
     from resfit.cli.doctor import doctor
+    from resfit.cli.eval import evaluate
     from resfit.cli.export import export
     from resfit.cli.fit import MORE, fit
 
@@ -49,6 +50,7 @@ def build_app(everything: bool = False) -> App:
     # Groups are frozen, and whether one is shown cannot be told to the application.
     object.__setattr__(MORE, "_show", everything)
     app.command(fit)
+    app.command(evaluate, name="eval")
     app.command(export)
     app.command(bench)
     app.command(doctor)
