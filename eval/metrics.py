@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.assembly import Assembly
-from ..kernels.field import cell_centres, evaluate_assembly, primitives_at, union_at
-from ..kernels.isosurface import extract_isosurface
+from ..kernels.field import cell_centres, primitives_at, union_at
 from ..kernels.points import from_grid_blocks, grid_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.primitives import FAMILIES
+from ..target.deviation import surface_distances
 from ..target.grid import distance_grid
 from ..target.target import Target
 
@@ -125,9 +125,6 @@ def measure_cheap(assembly: Assembly, target: Target, device: str = "auto") -> d
 def measure_deviation(assembly: Assembly, target: Target, device: str = "auto") -> Deviation | None:
     """Distances between the surfaces of an assembly and its target.
 
-    One way: the size of the assembly's field at the target's surface samples. The other way: the distance to the
-    target of as many points on the assembly's isosurface.
-
     Args:
         assembly: in the target's normalised frame.
         target: what it should match.
@@ -136,41 +133,13 @@ def measure_deviation(assembly: Assembly, target: Target, device: str = "auto") 
     Returns:
         Mesh units; None where the assembly has no surface.
     """
-    primitives = assembly.on_device(device)
-    if not len(primitives):
+    distance = surface_distances(target, assembly.on_device(device), RESOLUTION)
+    if distance is None:
         return None
-    vertices, faces = extract_isosurface(primitives, RESOLUTION)
-    if not len(faces):
-        return None
-    surface = target.samples.surface.points
-    there = np.abs(evaluate_assembly(primitives, surface))
-    back = np.abs(target.query.signed_distance(sample_surface(vertices, faces, len(surface))))
-    distance = np.concatenate([there, back]).astype(np.float64) * target.transform.scale
+    distance = distance * target.transform.scale
     return Deviation(
         float(np.percentile(distance, PERCENTILE)), float(distance.mean()), float(distance.max())
     )
-
-
-def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: int = 0) -> np.ndarray:
-    """Points on a triangle mesh, evenly by area.
-
-    Args:
-        vertices, faces: (v, 3) and (f, 3), f > 0.
-        count: of points.
-        seed: equal seeds give equal points.
-
-    Returns:
-        (count, 3) float32, in the order of the faces.
-    """
-    rng = np.random.default_rng(seed)
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    edges = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    places = (np.arange(count) + rng.uniform(size=count)) * (edges[-1] / max(count, 1))
-    face = np.minimum(np.searchsorted(edges, places), len(faces) - 1)
-    u, v = rng.uniform(size=(2, count, 1))
-    over = u + v > 1.0
-    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    return (a[face] + u * (b - a)[face] + v * (c - a)[face]).astype(np.float32)
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from resfit.errors import InputError
@@ -50,9 +50,44 @@ class RefineConfig:
     """Sharpness of the occupancy at the start and end, per normalised unit."""
 
 
+PRESETS: dict[str, dict[str, Any]] = {
+    "fast": {
+        "rounds": 2,
+        "excursions": 0,
+        "samples": 8192,
+        "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
+        "select": SelectConfig(),
+        "refine": RefineConfig(iterations=14),
+    },
+    "balanced": {
+        "rounds": 10,
+        "excursions": 1,
+        "samples": 16_384,
+        "propose": ProposeConfig(),
+        "select": SelectConfig(),
+        "refine": RefineConfig(),
+    },
+    "best": {
+        "rounds": 20,
+        "excursions": 2,
+        "samples": 32_768,
+        "propose": ProposeConfig(regions=96, points=1024, keep=(10, 3), iterations=(8, 10, 16)),
+        "select": SelectConfig(beam=8),
+        "refine": RefineConfig(iterations=48),
+    },
+}
+
+FROM_PRESET: Any = None
+"""Default of the fields that presets set: given a value, it wins over the preset."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """All options of a fit; `preset_config` makes one from a preset's name."""
+    """All options of a fit. What a preset sets and is not given comes from the preset.
+
+    Raises:
+        InputError: for an unknown preset or a value out of range: one sentence that names the option.
+    """
 
     preset: Preset = "balanced"
     device: str = "auto"
@@ -67,20 +102,24 @@ class FitConfig:
     """Stop once the 95th percentile of the two-sided surface distance is below this, in the mesh's units; 0 is off."""
     timeout: float = 0.0
     """Seconds after which the best so far is returned; 0 is off."""
-    rounds: int = 10
-    excursions: int = 1
+    rounds: int = FROM_PRESET
+    excursions: int = FROM_PRESET
     """Times that a saturated fit is made rich again and goes on from there."""
     parsimony: float = 2.5e-3
     """Objective that a primitive must bring (alpha)."""
     resolution: int = 128
-    samples: int = 16_384
+    samples: int = FROM_PRESET
     """Points near the surface, and as many in the volume, that the objective is measured on."""
-    propose: ProposeConfig = ProposeConfig()
-    select: SelectConfig = SelectConfig()
-    refine: RefineConfig = RefineConfig()
+    propose: ProposeConfig = FROM_PRESET
+    select: SelectConfig = FROM_PRESET
+    refine: RefineConfig = FROM_PRESET
 
     def __post_init__(self) -> None:
-        """Raises InputError for a value that makes no sense, naming the option."""
+        if self.preset not in PRESETS:
+            raise InputError(f"--preset {self.preset}: there is no such preset; choose {', '.join(PRESETS)}.")
+        for name, value in PRESETS[self.preset].items():
+            if getattr(self, name) is FROM_PRESET:
+                object.__setattr__(self, name, value)
         if self.primitive not in FAMILIES:
             raise InputError(
                 f"--primitive {self.primitive}: there is no such family; choose {', '.join(FAMILIES)}."
@@ -100,32 +139,10 @@ class FitConfig:
                 raise InputError(f"--{option} {getattr(self, name)} is out of range; it must be {wanted}.")
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {
-        "rounds": 2,
-        "excursions": 0,
-        "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
-        "refine": RefineConfig(iterations=14),
-        "samples": 8192,
-    },
-    "balanced": {},
-    "best": {
-        "propose": ProposeConfig(regions=96, points=1024, keep=(10, 3), iterations=(8, 10, 16)),
-        "select": SelectConfig(beam=8),
-        "refine": RefineConfig(iterations=48),
-        "samples": 32_768,
-        "rounds": 16,
-    },
-}
-
-
 def preset_config(preset: str = "balanced", **options: Any) -> FitConfig:
     """The configuration of a preset with the given options changed; None leaves an option as the preset has it.
 
     Raises:
         InputError: for an unknown preset or a value out of range.
     """
-    if preset not in PRESETS:
-        raise InputError(f"--preset {preset}: there is no such preset; choose {', '.join(PRESETS)}.")
-    given = {name: value for name, value in options.items() if value is not None}
-    return replace(FitConfig(preset=preset, **PRESETS[preset]), **given)  # type: ignore[arg-type]
+    return FitConfig(preset=preset, **{name: value for name, value in options.items() if value is not None})  # type: ignore[arg-type]

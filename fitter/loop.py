@@ -17,6 +17,7 @@ from ..kernels.field import cell_centres, union_at
 from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, ROW, SHAPES
+from ..target.deviation import surface_distances
 from ..target.target import Target
 from .assess import choose_blends, score_values, values_at
 from .config import FitConfig
@@ -182,9 +183,20 @@ class Fit:
             return Status.TIMEOUT
         if self.iou >= self.config.target_iou and self.config.target_iou < 1.0:
             return Status.TARGET_IOU
+        if len(self.rows) and self.config.tolerance > 0 and self.deviation() <= self.config.tolerance:
+            return Status.TOLERANCE
         if len(self.rows) >= self.config.max_primitives:
             return Status.MAX_PRIMITIVES
         return None
+
+    def deviation(self) -> float:
+        """95th percentile of the two-sided surface distance, in the mesh's units."""
+        with self.timed("tolerance"):
+            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
+            distance = surface_distances(self.target, primitives)
+        return (
+            np.inf if distance is None else float(np.percentile(distance, 95)) * self.target.transform.scale
+        )
 
     def round(self, number: int, rich: tuple[float, float] | None) -> bool:
         """One round. Returns whether the best so far rose enough.

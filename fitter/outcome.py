@@ -31,7 +31,7 @@ class Status(enum.Enum):
 class Round:
     """One round: what was tried, chosen and kept. Rows are (count, ROW) float32."""
 
-    regions: list[str]
+    regions: list[dict[str, object]]
     """One description a region."""
     candidates: np.ndarray
     chosen: np.ndarray

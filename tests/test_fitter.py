@@ -173,3 +173,21 @@ def test_options_out_of_range_are_named(options):
 def test_unknown_preset():
     with pytest.raises(InputError, match="--preset quick"):
         preset_config("quick")
+
+
+def test_a_preset_sets_what_is_not_given():
+    """`FitConfig(preset=...)` is the preset, and a given option wins over it."""
+    assert FitConfig(preset="fast") == preset_config("fast")
+    assert FitConfig(preset="fast").rounds == 2 and FitConfig(preset="fast", rounds=10).rounds == 10
+
+
+def test_tolerance_stops(table, device):
+    """The stop holds in the mesh's units: a table ten times as large needs ten times the tolerance."""
+    target = make_target(table, device)
+    loose = fit_target(target, preset_config("balanced", tolerance=0.5), device)
+    assert loose.status is Status.TOLERANCE and len(loose.rounds) == 1
+    tight = fit_target(target, preset_config("balanced", tolerance=1e-9), device)
+    assert tight.status is not Status.TOLERANCE
+    large = table.copy()
+    large.apply_scale(10.0)
+    assert fit_target(make_target(large, device), fast(tolerance=5.0), device).status is Status.TOLERANCE

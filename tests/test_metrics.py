@@ -15,8 +15,8 @@ from resfit.eval.metrics import (
     measure_cheap,
     measure_deviation,
     measure_occupancy,
-    sample_surface,
 )
+from resfit.target.deviation import sample_surface
 from resfit.target.target import Target, make_target
 
 
