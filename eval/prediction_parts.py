@@ -5,7 +5,7 @@ Convex hulls, voxel boxes, the parts of a scene. Everything is in the target's n
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +75,12 @@ class PartsPrediction:
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """See `Prediction`."""
-        return self._wound(points, np.full(len(points), -1))
+        return self._wound(points, lambda index, asked: np.full(len(asked), INSIDE))
 
-    def _wound(self, points: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Whether some part winds round points (n, 3), (n,) bool.
+    def _wound(self, points: np.ndarray, limits: Callable[[int, np.ndarray], np.ndarray]) -> np.ndarray:
+        """Whether some part winds round points (n, 3) more often than it must, (n,) bool.
 
-        Part `own` (n,) of each point, if any, has to do so clearly: the point is close to its surface.
+        `limits(part, asked)` gives how often, (k,), for some of the points (k,) int.
         """
         result = np.zeros(len(points), bool)
         for index, near in self._near(points):
@@ -89,8 +89,8 @@ class PartsPrediction:
                 queried = wp.array(
                     np.ascontiguousarray(points[asked], np.float32), dtype=wp.vec3, device=self.device
                 )
-                limit = np.where(own[asked] == index, CLEARLY_INSIDE, INSIDE)
-                result[asked] = winding_numbers(self.query(index), queried).numpy() > limit
+                winding = winding_numbers(self.query(index), queried).numpy()
+                result[asked] = winding > limits(index, asked)
         return result
 
     def _near(self, points: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
@@ -122,7 +122,10 @@ class PartsPrediction:
         return best, owner
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """See `Prediction`. Points of a part's surface that lie in another part, or against it, are left out."""
+        """See `Prediction`. Points of a part's surface that lie in another part, or against it, are left out.
+
+        Where the surfaces of two parts coincide, the points of the first one are taken.
+        """
         if not self.parts:
             return np.zeros((0, 3), np.float32)
         vertices, faces = joined(self.parts)
@@ -136,14 +139,26 @@ class PartsPrediction:
         drawn, total = [], 0
         for _ in range(DRAWS):
             points, face = draw_faces(vertices, faces, 2 * count, rng)
-            probes = (points + OUTWARDS * normals[face]).astype(np.float32)
-            drawn.append(points[~self._wound(probes, part_of_face[face])])
+            drawn.append(points[self._on_outside(points, normals[face], part_of_face[face])])
             total += len(drawn[-1])
             if total >= count:
                 break
         kept = np.concatenate(drawn)
         # Hardly anything is on the outside: the same few points have to do.
         return kept[np.arange(count) % len(kept)] if len(kept) else kept
+
+    def _on_outside(self, points: np.ndarray, normals: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Whether points (n, 3) of the surfaces of parts `own` (n,) are on that of the union, (n,) bool."""
+        step = OUTWARDS * normals
+
+        def covering(index: int, asked: np.ndarray) -> np.ndarray:
+            return np.where(own[asked] == index, CLEARLY_INSIDE, INSIDE)
+
+        def earlier(index: int, asked: np.ndarray) -> np.ndarray:
+            return np.where(own[asked] > index, INSIDE, np.inf)
+
+        covered = self._wound((points + step).astype(np.float32), covering)
+        return ~(covered | self._wound((points - step).astype(np.float32), earlier))
 
 
 def joined(parts: Sequence[PartMesh]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,8 @@
 """The command line: one file a command.
 
 Exit codes: 0 done; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input (one
-sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written. Modules of commands import nothing heavy, so that
-`--help` is quick.
+sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written. Modules of
+commands import nothing heavy, so that `--help` is quick.
 """
 
 from __future__ import annotations
