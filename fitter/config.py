@@ -50,6 +50,23 @@ class RefineConfig:
     """Sharpness of the occupancy at the start and end, per normalised unit."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class AdamConfig:
+    """The paper-style optimiser (`optimizer="adam"`)."""
+
+    steps: int = 300
+    """Steps a round."""
+    batch: int = 4096
+    """Points a step."""
+    rate: float = 0.02
+    betas: tuple[float, float] = (15.0, 120.0)
+    """Sharpness of the occupancy at the start and end, per normalised unit."""
+    temperatures: tuple[float, float] = (1.0, 0.3)
+    """Of the existence softmax, at the start and end."""
+    count_weight: float = 1e-3
+    quality_weight: float = 1e-2
+
+
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "rounds": 2,
@@ -95,6 +112,9 @@ class FitConfig:
     primitive: str = "superfrustum"
     """Family that is fitted."""
     union: Literal["smooth", "hard"] = "smooth"
+    optimizer: Literal["levenberg", "adam"] = "levenberg"
+    """"adam" is the paper's way: one seed a region and first-order steps; far slower."""
+    adam: AdamConfig = AdamConfig()
     max_primitives: int = 64
     target_iou: float = 1.0
     """Stop once the 128^3 IoU reaches this; 1 is off."""

@@ -19,12 +19,15 @@ from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, ROW, SHAPES
 from ..target.deviation import surface_distances
 from ..target.target import Target
+from .adam import refine_with_adam
 from .assess import choose_blends, score_values, values_at
 from .config import FitConfig
 from .memory import CandidateMemory
-from .objective import ObjectiveSamples, Score, Tally
+from .objective import Score, Tally
 from .outcome import Outcome, Round, Status
+from .propose import seed_regions
 from .refine import fold, refine
+from .samples import objective_samples
 from .select import prune, select
 
 SATURATION = 1e-3
@@ -35,11 +38,8 @@ RICH_ROUNDS = ((0.3, 2.5), (0.5, 2.0), (0.75, 1.4))
 is rich and precise at first finds what belongs together; one that is poor and bulky at first stays so (a plate with
 pockets as one box)."""
 
-GUARD = 0.25
-"""Width of the layer around the target's box that guards watch, normalised units."""
-GUARD_SEED = 11
-HEAVIEST_GUARD = 4.0
-"""Thin boxes have far more room around them than in them; a guard there counts no more than this."""
+ADAM_SEEDS = 7
+"""Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
 
 STARTING_BLEND = 0.02
 """Blend radius of new primitives while they are refined; the last step chooses one for each."""
@@ -223,7 +223,9 @@ class Fit:
                 device=self.device,
                 most=config.propose.regions,
             )
-            if len(self.rows):
+            if config.optimizer == "adam":
+                regions = [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
+            elif len(self.rows):
                 regions += self.neighbour_regions()
         if not regions or self.should_stop():
             return False
@@ -245,9 +247,7 @@ class Fit:
         self.tell("refine", number, 0.6)
         with self.timed("refine"):
             selected = pool[sorted_by_volume(pool, chosen)]
-            refined = refine(
-                selected, self.families(selected), self.samples, config.refine, self.device, self.should_stop
-            )
+            refined = self.refine(selected, number)
         with self.timed("prune"):
             kept = refined[prune(self.values(refined) < 0, self.tally, self.alpha, self.device)]
             score = self.assess(kept)
@@ -269,6 +269,22 @@ class Fit:
         rise = self.remember_best()
         self.tell("prune", number, 1.0)
         return rise > SATURATION
+
+    def propose(self, regions: list[Region], number: int) -> np.ndarray:
+        """Candidates (count, ROW): fitted ones of this and earlier rounds, or the paper's seeds."""
+        config = self.config
+        if config.optimizer == "adam":
+            return seed_regions(regions, config.primitive).rows
+        return self.memory.fit_new(regions, self.target.grid, config, config.seed + number, self.device)
+
+    def refine(self, rows: np.ndarray, number: int) -> np.ndarray:
+        """All primitives moved together by the chosen optimiser."""
+        config, families = self.config, self.families(rows)
+        if config.optimizer == "adam":
+            return refine_with_adam(
+                rows, families, self.samples, config.adam, config.seed + number, self.device, self.should_stop
+            )
+        return refine(rows, families, self.samples, config.refine, self.device, self.should_stop)
 
     def remember_best(self) -> float:
         """Keep the rows if they beat the best at the full price; returns by how much they do."""
@@ -301,6 +317,9 @@ class Fit:
 
     def choose(self, pool: np.ndarray, false_volume: float) -> list[int]:
         """Indices into the pool; the primitives so far come first in it and may be swapped out."""
+        if self.config.optimizer == "adam":
+            # The paper seeds all regions of a decomposition and lets optimisation and pruning decide.
+            return list(range(min(len(pool), self.config.max_primitives)))
         bits = self.values(pool) < 0
         return select(
             bits,
@@ -323,10 +342,12 @@ class Fit:
             if self.config.union == "smooth":
                 rows = choose_blends(self.values(rows), rows, self.tally, self.alpha)
             sharp = replace(self.config.refine, betas=(80.0, 250.0))
-            for candidate in (
-                rows,
-                refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop),
-            ):
+            tries = [rows]
+            if self.config.optimizer == "levenberg":
+                tries.append(
+                    refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop)
+                )
+            for candidate in tries:
                 kept = candidate[prune(self.values(candidate) < 0, self.tally, self.alpha, self.device)]
                 score = self.assess(kept)
                 if score.objective > self.score.objective:
@@ -337,33 +358,6 @@ class Fit:
 def replace_price(score: Score, alpha: float, before: float) -> Score:
     """The score with another price of a primitive."""
     return replace(score, objective=score.objective + (before - alpha) * score.primitive_count)
-
-
-def objective_samples(target: Target) -> ObjectiveSamples:
-    """The target's points near the surface, those of its box, and guards around the box.
-
-    The objective's volume is the box. What sticks out of it would cost nothing there: guards, as dense as the points
-    of the box, count it as false volume.
-    """
-    near, volume = target.samples.near, target.samples.volume
-    lower, upper = target.lower.astype(np.float64), target.upper.astype(np.float64)
-    wide_lower, wide_upper = lower - GUARD, upper + GUARD
-    count = len(volume.points) // 2
-    candidates = np.random.default_rng(GUARD_SEED).uniform(wide_lower, wide_upper, (4 * count, 3))
-    outside = ((candidates < lower) | (candidates > upper)).any(1)
-    guards = candidates[outside][:count].astype(np.float32)
-    box = float(np.maximum(upper - lower, 1e-9).prod())
-    density = ((wide_upper - wide_lower).prod() - box) / max(len(guards), 1) / (box / len(volume.points))
-    return ObjectiveSamples(
-        np.concatenate([near.points, volume.points, guards]).astype(np.float32),
-        np.concatenate([near.distance, volume.distance, target.query.signed_distance(guards)]).astype(
-            np.float32
-        ),
-        np.concatenate(
-            [near.weight, np.ones(len(volume.points)), np.full(len(guards), min(density, HEAVIEST_GUARD))]
-        ).astype(np.float32),
-        len(near.points),
-    )
 
 
 def rough_volume(rows: np.ndarray) -> np.ndarray:

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from scipy.spatial.transform import Rotation
 
 from ..decomposition.region import Region
 from ..decomposition.starts import all_starts
 from ..kernels.owned_points import shared_points
+from ..kernels.primitives import family as primitive_family
+from ..kernels.rows import ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from .config import ProposeConfig
 from .levenberg import levenberg
 from .region_points import RegionPoints, sample_regions
@@ -87,3 +90,34 @@ def _best_of_each(region: np.ndarray, cost: np.ndarray, keep: int) -> np.ndarray
     sorted_region = region[order]
     first = np.searchsorted(sorted_region, sorted_region)
     return order[np.arange(len(order)) - first < keep]
+
+
+def seed_regions(regions: list[Region], family: str) -> Candidates:
+    """One unfitted seed a region, as the paper has it: principal axes, swept along the most cylindrical one.
+
+    The cylindricity of an axis is how equal the extents across it are.
+    """
+    rows = np.stack([_seed(region, family) for region in regions])
+    return Candidates(rows, np.arange(len(regions)), ["seed"] * len(regions))
+
+
+def _seed(region: Region, name: str) -> np.ndarray:
+    points = region.centres().astype(np.float64)
+    centre = points.mean(0)
+    _, axes = np.linalg.eigh(np.cov((points - centre).T) + 1e-9 * np.eye(3))
+    low, high = np.quantile((points - centre) @ axes, [0.01, 0.99], axis=0)
+    extent = high - low + 2.0 / region.resolution
+    across = [np.delete(extent, axis) for axis in range(3)]
+    sweep = int(np.argmax([pair.min() / pair.max() for pair in across]))
+    order = [(sweep + 1) % 3, (sweep + 2) % 3, sweep]
+    frame = axes[:, order]
+    if np.linalg.det(frame) < 0:
+        frame[:, 0] *= -1.0
+    row = empty_rows(1)[0]
+    row[TRANSLATION : TRANSLATION + 3] = centre + axes @ ((low + high) / 2)
+    row[ROTATION : ROTATION + 4] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
+    entry = primitive_family(name)
+    row[SHAPES : SHAPES + SHAPE] = entry.shape_row(size=np.maximum(extent[order], 0.02))
+    if any(parameter.name == "roundness" for parameter in entry.parameters):
+        row[SHAPES + entry.columns("roundness").start] = 0.5
+    return row

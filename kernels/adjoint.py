@@ -19,7 +19,7 @@ from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .points import BLOCK, BLOCK_C, PointBlocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
-from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE, SHAPES_C, TANGENT, TRANSLATION_C
+from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE_C, SHAPES_C, TANGENT, TRANSLATION_C
 from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .vector_math import larger
 
@@ -30,7 +30,6 @@ SUMS = TANGENT + 2
 """Sums a block keeps of each primitive: its Jacobian's columns, blend and gate."""
 SUMS_C = wp.constant(SUMS)
 BLEND_SUM_C, GATE_SUM_C = wp.constant(TANGENT), wp.constant(TANGENT + 1)
-SHAPE_C = wp.constant(SHAPE)
 
 FOLD = "resfit.kernels.adjoint.fold"
 wp.set_module_options(VECTOR_OPTIONS, module=FOLD)
@@ -190,6 +189,36 @@ def add_blocks_kernel(
 
 
 @wp.kernel(module=CHAIN)
+def add_values_grad_kernel(
+    first: int,
+    values_grad: wp.array[float],
+    rows: wp.array[float],
+    size: int,
+    # outputs
+    out_weights: wp.array[float],
+):
+    """Add what a loss asks of each primitive's own, gated distance to the weights that come through the union."""
+    t = first + wp.tid()
+    out_weights[t] = out_weights[t] + values_grad[t] * rows[(t / size) * ROW_C + GATE_C]
+
+
+@wp.kernel(module=CHAIN)
+def add_gate_grad_kernel(
+    first: int,
+    values: wp.array[float],
+    values_grad: wp.array[float],
+    # outputs
+    out_sums: wp.array[float],
+):
+    """The same for the gates' sums of one block of one primitive."""
+    t = first + wp.tid()
+    total = float(0.0)
+    for j in range(BLOCK_C):
+        total += values_grad[t * BLOCK_C + j] * (values[t * BLOCK_C + j] - 1.0)
+    out_sums[t * SUMS_C + GATE_SUM_C] = out_sums[t * SUMS_C + GATE_SUM_C] + total
+
+
+@wp.kernel(module=CHAIN)
 def chain_rows_kernel(
     first: int,
     totals: wp.array[float],
@@ -265,12 +294,25 @@ def differentiable_union(primitives: PrimitiveSet, blocks: PointBlocks, tape: wp
     Returns:
         (padded points,) float32 with a gradient, normalised units, negative inside.
     """
+    return differentiable_assembly(primitives, blocks, tape, values_need_grad=False)[0]
+
+
+def differentiable_assembly(
+    primitives: PrimitiveSet, blocks: PointBlocks, tape: wp.Tape, values_need_grad: bool = True
+) -> tuple[wp.array, wp.array]:
+    """The union, and every primitive alone, as a step of `tape`; see `differentiable_union`.
+
+    Returns:
+        The union (padded points,), and the ungated distances (primitive_count * padded points,), primitive-major. A
+        loss on single primitives gives the derivative to their *gated* distance as the gradient of the latter.
+    """
     device, count, size = blocks.device, len(primitives), blocks.x.shape[0]
     field = wp.empty(max(1, size), dtype=float, device=device, requires_grad=True)
+    values = wp.empty(max(1, count * size), dtype=float, device=device, requires_grad=values_need_grad)
     if not count or not size:
         field.fill_(FAR)
-        return field
-    values = primitives_at(primitives, blocks)
+        return field, values
+    primitives_at(primitives, blocks, values)
     prefix = wp.empty(count * size, dtype=float, device=device)
     launch(
         fold_values_kernel,
@@ -280,29 +322,40 @@ def differentiable_union(primitives: PrimitiveSet, blocks: PointBlocks, tape: wp
         device,
         seconds_per_thread=BLOCK * 1e-9 * count,
     )
+    outputs = [field, values] if values_need_grad else [field]
+    tape.record_func(
+        lambda: _differentiate(primitives, blocks, field, values, prefix), [primitives.rows, *outputs]
+    )
+    return field, values
 
-    def backward() -> None:
-        weights = wp.empty(count * size, dtype=float, device=device)
-        sums = wp.empty(count * blocks.block_count * SUMS, dtype=float, device=device)
-        totals = wp.empty(count * SUMS, dtype=float, device=device)
-        carry = wp.clone(field.grad)
-        launch(
-            unfold_values_kernel,
-            blocks.block_count,
-            [values, prefix, primitives.rows, count, size, blocks.block_count],
-            [carry, weights, sums],
-            device,
-            seconds_per_thread=BLOCK * 1e-9 * count,
-        )
-        weighted_sums(primitives, blocks, weights, sums)
-        launch(add_blocks_kernel, count * SUMS, [sums, blocks.block_count], [totals], device)
-        launch(
-            chain_rows_kernel,
-            count,
-            [totals, primitives.rows, primitives.frames],
-            [primitives.rows.grad],
-            device,
-        )
 
-    tape.record_func(backward, [primitives.rows, field])
-    return field
+def _differentiate(
+    primitives: PrimitiveSet, blocks: PointBlocks, field: wp.array, values: wp.array, prefix: wp.array
+) -> None:
+    """Add the rows' gradient, given those of the union and, where they have one, of the primitives' distances."""
+    device, count, size = blocks.device, len(primitives), blocks.x.shape[0]
+    weights = wp.empty(count * size, dtype=float, device=device)
+    sums = wp.empty(count * blocks.block_count * SUMS, dtype=float, device=device)
+    totals = wp.empty(count * SUMS, dtype=float, device=device)
+    carry = wp.clone(field.grad)
+    launch(
+        unfold_values_kernel,
+        blocks.block_count,
+        [values, prefix, primitives.rows, count, size, blocks.block_count],
+        [carry, weights, sums],
+        device,
+        seconds_per_thread=BLOCK * 1e-9 * count,
+    )
+    if values.grad is not None:
+        launch(add_values_grad_kernel, count * size, [values.grad, primitives.rows, size], [weights], device)
+        pairs = count * blocks.block_count
+        launch(add_gate_grad_kernel, pairs, [values, values.grad], [sums], device)
+    weighted_sums(primitives, blocks, weights, sums)
+    launch(add_blocks_kernel, count * SUMS, [sums, blocks.block_count], [totals], device)
+    launch(
+        chain_rows_kernel,
+        count,
+        [totals, primitives.rows, primitives.frames],
+        [primitives.rows.grad],
+        device,
+    )

@@ -32,6 +32,7 @@ def empty_rows(primitive_count: int) -> np.ndarray:
 
 
 ROW_C = wp.constant(ROW)
+SHAPE_C = wp.constant(SHAPE)
 TRANSLATION_C, ROTATION_C = wp.constant(TRANSLATION), wp.constant(ROTATION)
 SHAPES_C, BLEND_C, GATE_C = wp.constant(SHAPES), wp.constant(BLEND), wp.constant(GATE)
 

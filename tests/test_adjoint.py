@@ -5,14 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from reference import union
+from reference import primitive, union
 from scenes import random_rows
+from scipy.spatial.transform import Rotation
 
+from resfit.fitter.adam import to_raw
 from resfit.kernels import launch as launching
-from resfit.kernels.adjoint import differentiable_union
+from resfit.kernels.activation import activate_rows
+from resfit.kernels.adjoint import differentiable_assembly, differentiable_union
 from resfit.kernels.field import evaluate_assembly
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
+from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, GATE, ROW
 
 MIXED = ["superfrustum", "cuboid", "superfrustum", "superprimitive", "superquadric", "superfrustum"]
@@ -117,3 +121,59 @@ def test_same_bits_on_one_core_and_two(device, rng, monkeypatch):
         monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
         results.append(tape_gradient(rows, families, points, weights, device)[1].tobytes())
     assert results[0] == results[1]
+
+
+def test_gradients_of_single_primitives_and_activation(device, rng):
+    """A loss on the union and on gated distances, through the raw numbers, against float64 differences."""
+    families = ["superfrustum", "cuboid", "superfrustum"]
+    rows = random_rows(rng, families)
+    raw = to_raw(rows, families).astype(np.float64)
+    points = rng.uniform(-0.9, 0.9, (500, 3)).astype(np.float32)
+    bounds = [FAMILIES[name].fit_range for name in families]
+    noise = rng.gumbel(size=(3, 2))
+    on_field, on_values = rng.normal(size=500), rng.normal(size=(3, 500))
+
+    def activated(numbers):
+        out = np.zeros((3, ROW))
+        out[:, :3] = numbers[:, :3]
+        out[:, 3:7] = Rotation.from_rotvec(numbers[:, 3:6]).as_quat()[:, [3, 0, 1, 2]]
+        for k, (low, high) in enumerate(bounds):
+            out[k, 7:15] = low + (high - low) / (1 + np.exp(-numbers[k, 6:14]))
+        out[:, BLEND] = np.log1p(np.exp(numbers[:, 14]))
+        lead = numbers[:, 15] + noise[:, 0] - numbers[:, 16] - noise[:, 1]
+        out[:, GATE] = 1 / (1 + np.exp(-lead / 0.7))
+        return out
+
+    def loss(numbers):
+        out = activated(numbers)
+        gated = [
+            row[GATE] * primitive(points, row, name) + 1 - row[GATE]
+            for row, name in zip(out, families, strict=True)
+        ]
+        return on_field @ union(points, out, families) + (on_values * np.array(gated)).sum()
+
+    primitives = PrimitiveSet(rows, families, device, requires_grad=True)
+    variable = wp.array(raw.ravel().astype(np.float32), dtype=float, device=device, requires_grad=True)
+    low, high = (
+        wp.array(np.stack([pair[i] for pair in bounds]).ravel(), dtype=float, device=device) for i in (0, 1)
+    )
+    tape = wp.Tape()
+    activate_rows(variable, low, high, noise, 0.7, primitives, tape)
+    np.testing.assert_allclose(primitives.rows_numpy(), activated(raw), atol=1e-5)
+    blocks = point_blocks(points, device)
+    field, values = differentiable_assembly(primitives, blocks, tape)
+    padding = blocks.x.shape[0] - 500
+    grads = {
+        field: wp.array(np.pad(on_field, (0, padding)).astype(np.float32), dtype=float, device=device),
+        values: wp.array(
+            np.pad(on_values, ((0, 0), (0, padding))).ravel().astype(np.float32), dtype=float, device=device
+        ),
+    }
+    tape.backward(grads=grads)
+    found = variable.grad.numpy().reshape(3, ROW)
+    for k in range(3):
+        for entry in range(ROW):
+            step = np.zeros((3, ROW))
+            step[k, entry] = 1e-6
+            expected = (loss(raw + step) - loss(raw - step)) / 2e-6
+            assert found[k, entry] == pytest.approx(expected, rel=5e-3, abs=0.05), (k, entry)
