@@ -112,6 +112,8 @@ class FitConfig:
     primitive: str = "superfrustum"
     """Family that is fitted."""
     union: Literal["smooth", "hard"] = "smooth"
+    decompose: Literal["msd", "coacd"] = "msd"
+    """How the residual is cut: morphologically, or into convex pieces for comparison."""
     optimizer: Literal["levenberg", "adam"] = "levenberg"
     """"adam" is the paper's way: one seed a region and first-order steps; far slower."""
     adam: AdamConfig = AdamConfig()

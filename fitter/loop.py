@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
+from ..decomposition.coacd import propose_convex_regions
 from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
 from ..decomposition.propose import propose_regions
 from ..decomposition.region import Region
@@ -216,17 +217,7 @@ class Fit:
         self.score = self.assess(self.rows)
         self.tell("decompose", number, 0.0)
         with self.timed("decompose"):
-            regions = propose_regions(
-                self.target.grid,
-                self.field,
-                first_round=not len(self.rows),
-                device=self.device,
-                most=config.propose.regions,
-            )
-            if config.optimizer == "adam":
-                regions = [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
-            elif len(self.rows):
-                regions += self.neighbour_regions()
+            regions = self.cut()
         if not regions or self.should_stop():
             return False
         self.tell("propose", number, 0.15)
@@ -269,6 +260,18 @@ class Fit:
         rise = self.remember_best()
         self.tell("prune", number, 1.0)
         return rise > SATURATION
+
+    def cut(self) -> list[Region]:
+        """Regions of what is unexplained, and of what the primitives so far hold."""
+        config, most = self.config, self.config.propose.regions
+        if config.decompose == "coacd":
+            return propose_convex_regions(self.target.grid, self.field, most, config.seed)
+        regions = propose_regions(
+            self.target.grid, self.field, first_round=not len(self.rows), device=self.device, most=most
+        )
+        if config.optimizer == "adam":
+            return [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
+        return regions + (self.neighbour_regions() if len(self.rows) else [])
 
     def propose(self, regions: list[Region], number: int) -> np.ndarray:
         """Candidates (count, ROW): fitted ones of this and earlier rounds, or the paper's seeds."""

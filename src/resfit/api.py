@@ -49,6 +49,8 @@ class FitOptions(TypedDict, total=False):
     rounds: int | None
     primitive: str | None
     union: Literal["smooth", "hard"] | None
+    optimizer: str | None
+    decompose: str | None
     parsimony: float | None
 
 

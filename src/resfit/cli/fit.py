@@ -38,6 +38,8 @@ def fit(
     primitive: Annotated[str | None, Parameter(group=MORE)] = None,
     union: Annotated[Literal["smooth", "hard"] | None, Parameter(group=MORE)] = None,
     init: Annotated[Path | None, Parameter(group=MORE)] = None,
+    decompose: Annotated[Literal["msd", "coacd"] | None, Parameter(group=MORE)] = None,
+    optimizer: Annotated[Literal["levenberg", "adam"] | None, Parameter(group=MORE)] = None,
     parsimony: Annotated[float | None, Parameter(group=MORE)] = None,
     progress: Annotated[ProgressMode, Parameter(group=MORE)] = "auto",
 ) -> int:
@@ -59,7 +61,9 @@ def fit(
         primitive: family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.
         union: whether parts may run into each other smoothly; smooth unless given.
         init: assembly.json, or the folder of an earlier fit, to start from.
-        parsimony: what a part must add to the objective to be worth having; 0.001 unless given.
+        decompose: how to cut what is unexplained: by thickness (msd, unless given) or into convex pieces (coacd).
+        optimizer: second-order steps (levenberg, unless given) or the paper's Adam (adam), which is slower.
+        parsimony: what a part must add to the objective to be worth having; 0.0025 unless given.
         progress: a bar if stderr is a terminal (auto), one JSON object a line on stderr (json), or none.
     """
     options = {
@@ -74,6 +78,8 @@ def fit(
         "primitive": primitive,
         "union": union,
         "init": init,
+        "decompose": decompose,
+        "optimizer": optimizer,
         "parsimony": parsimony,
     }
     return run_fit(mesh, output or default_folder(mesh), progress, options)

@@ -1,0 +1,84 @@
+"""Regions by approximate convex decomposition (CoACD): the other way to cut a residual, for comparison.
+
+Convex pieces over-partition what one bent or hollow primitive can be, and cuts follow the axes; the option exists to
+measure that. Needs the optional package `coacd` (extra `compare`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from resfit.errors import InputError
+
+from .region import Region, region_from_mask, without_duplicates
+from .residual import find_residual
+
+THRESHOLD = 0.05
+"""CoACD's concavity at which a piece is convex enough: its own default."""
+COARSE_FROM, COARSE_STEP = 24, 3
+"""Residuals of more cells a side than this are meshed in steps of so many cells: CoACD takes minutes on fine meshes."""
+SMALLEST = 12
+"""Cells of the smallest region that is worth a primitive."""
+
+
+def propose_convex_regions(
+    grid: np.ndarray, explained: np.ndarray | None = None, most: int = 64, seed: int = 0
+) -> list[Region]:
+    """The residual's cells, cut into nearly convex regions.
+
+    Args:
+        grid: (n, n, n) signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
+        explained: the same of the assembly so far, None if there is none.
+        most: regions at most; the largest are kept.
+        seed: of CoACD's search.
+
+    Raises:
+        InputError: if the package is not installed.
+    """
+    residual = find_residual(grid, explained)
+    if residual is None:
+        return []
+    solid = residual.depth > 0.0
+    cells = np.argwhere(solid)
+    regions = []
+    for hull in _convex_pieces(residual.depth, seed):
+        inside = _cells_in_hull(hull, cells)
+        mask = np.zeros(solid.shape, bool)
+        mask[tuple(cells[inside].T)] = True
+        region = region_from_mask(mask, residual.lower, residual.resolution, "coacd")
+        if region is not None and region.volume >= SMALLEST:
+            regions.append(region)
+    regions.sort(key=lambda region: -region.volume)
+    return without_duplicates(regions)[:most]
+
+
+def _convex_pieces(depth: np.ndarray, seed: int) -> list[np.ndarray]:
+    """Vertices of the pieces' hulls, in cells of the residual's box."""
+    try:
+        import coacd
+    except ImportError as error:
+        raise InputError(
+            "--decompose coacd needs the package coacd, which is not installed; pip install 'resfit[compare]'."
+        ) from error
+    from skimage.measure import marching_cubes
+
+    # A border of outside cells closes the surface; clipping keeps far cells from flattening it.
+    padded = np.pad(np.clip(depth, -1.0, 1.0), 1, constant_values=-1.0)
+    step = COARSE_STEP if min(depth.shape) > COARSE_FROM else 1
+    vertices, faces, _, _ = marching_cubes(padded, 0.0, step_size=step)
+    coacd.set_log_level("error")
+    mesh = coacd.Mesh(vertices.astype(np.float64) - 1.0, faces[:, ::-1].astype(np.int32))
+    pieces = coacd.run_coacd(mesh, threshold=THRESHOLD, preprocess_mode="off", seed=seed)
+    return [np.asarray(points, np.float64) for points, _ in pieces]
+
+
+def _cells_in_hull(hull: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Which cells (m, 3) lie in the convex hull of points, with half a cell to spare."""
+    if len(hull) < 4:
+        return np.zeros(len(cells), bool)
+    try:
+        planes = ConvexHull(hull).equations
+    except QhullError:
+        return np.zeros(len(cells), bool)
+    return (cells @ planes[:, :3].T + planes[:, 3] < 0.5).all(1)
