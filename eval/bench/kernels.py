@@ -98,6 +98,7 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
     for name in sorted(FAMILIES, key=lambda name: name != "superfrustum"):
         primitives = PrimitiveSet(scene_rows(name), [name] * PRIMITIVES, device)
         bounds = (3.0, 10.0) if name == "superfrustum" else (0.0, 0.0)
+        kind = "approximate distance" if FAMILIES[name].approximate else "distance"
 
         def forward(primitives: PrimitiveSet = primitives) -> None:
             primitives_at(primitives, points, values)
@@ -105,10 +106,10 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
         def adjoint(primitives: PrimitiveSet = primitives) -> None:
             weighted_sums(primitives, points, weights, sums)
 
-        yield Workload(f"{name}_forward", f"distance, {scene}", PRIMITIVES * POINTS, forward, bounds[0])
+        yield Workload(f"{name}_forward", f"{kind}, {scene}", PRIMITIVES * POINTS, forward, bounds[0])
         yield Workload(
             f"{name}_adjoint",
-            f"distance and all derivatives, summed, {scene}",
+            f"{kind} and all derivatives, summed, {scene}",
             PRIMITIVES * POINTS,
             adjoint,
             bounds[1],
