@@ -60,13 +60,20 @@ class TargetSurface:
     """(n, 3) float32, normalised."""
     faces: np.ndarray
     """(m, 3) int."""
+    source: Any
+    """The mesh, for programs that make features of it: a path or a trimesh object."""
 
     @classmethod
-    def of(cls, target: Target) -> TargetSurface:
-        """The surface of `target`."""
+    def of(cls, mesh: Any, device: str = "auto") -> TargetSurface:
+        """The surface of a mesh: a path or a trimesh object.
+
+        Raises:
+            InputError: if it cannot be read or holds nothing solid.
+        """
+        target = make_target(mesh, choose_device(device), RESOLUTION, FEW_SAMPLES)
         if target.solid.kind in OPEN_KINDS:
-            return cls(target, False, target.vertices, target.faces)
-        return cls(target, True, target.solid.vertices, target.solid.boundary_faces)
+            return cls(target, False, target.vertices, target.faces, mesh)
+        return cls(target, True, target.solid.vertices, target.solid.boundary_faces, mesh)
 
     def draw(self, count: int, purpose: str) -> np.ndarray:
         """Points (count, 3) float32 on it, by area; equal purposes give equal points."""
@@ -99,7 +106,7 @@ def evaluate(
     Args:
         prediction: an Assembly; the path of an assembly.json or of the folder that holds it; or parts made by any other
             tool: a mesh file, a trimesh mesh or scene, or a sequence of meshes. Mesh units, in the target's own frame.
-        target: a mesh: a path, a trimesh object, or what `make_target` made of one.
+        target: a mesh: a path or a trimesh object; or its `TargetSurface`, to score several predictions of it.
         align: `bbox` moves the prediction's box onto the target's, in the same proportions.
         emd: whether to compute the earth mover's distance, which takes as long as the rest.
         features: where features for IntraPrim and InterPrim come from; see `features.make_features`.
@@ -115,11 +122,8 @@ def evaluate(
         InputError: if the prediction or the target cannot be read, or features cannot be had.
     """
     source = read_prediction(prediction)
-    if isinstance(target, Target):
-        found, mesh = target, None
-    else:
-        found, mesh = make_target(target, choose_device(device), RESOLUTION, FEW_SAMPLES), target
-    surface = TargetSurface.of(found)
+    surface = target if isinstance(target, TargetSurface) else TargetSurface.of(target, device)
+    found = surface.target
     onto = None
     if align == "bbox":
         lower, upper = found.transform.to_mesh(np.stack([found.lower, found.upper]))
@@ -127,10 +131,15 @@ def evaluate(
     placed, sentence = place(source, found.transform, device, onto)
     notes = [sentence] if sentence else []
     notes += getattr(source, "notes", ())
-    if mismatch := frame_mismatch(placed, found):
+    mismatch = frame_mismatch(placed, found)
+    if mismatch:
         notes.append(mismatch)
+    elif max(float(placed.upper.max()), -float(placed.lower.min())) > 1.0:
+        notes.append(
+            "The prediction reaches beyond [-1, 1], where IoU and overlap are counted; distances see it all."
+        )
     row = _volume_metrics(placed, surface) | _distance_metrics(placed, surface, emd)
-    row |= _semantic_metrics(placed, surface, features, mesh)
+    row |= _semantic_metrics(placed, surface, features)
     row |= {"floats": placed.floats, "closed": surface.closed, "target_kind": found.solid.kind}
     row |= {"target_rule": " ".join([found.sentence, *found.notes]), "notes": notes}
     return {key: row[key] for key in ordered_keys(surface.closed)}
@@ -184,18 +193,14 @@ def _distance_metrics(prediction: Prediction, surface: TargetSurface, emd: bool)
 
 
 def _semantic_metrics(
-    prediction: Prediction, surface: TargetSurface, features: Any, mesh: Any
+    prediction: Prediction, surface: TargetSurface, features: Any
 ) -> dict[str, float | None]:
     row: dict[str, float | None] = {"intra_prim": None, "inter_prim": None}
     if features is None:
         return row
     frame = surface.target.transform
-    if mesh is None:
-        import trimesh
-
-        mesh = trimesh.Trimesh(frame.to_mesh(surface.target.vertices), surface.target.faces, process=False)
     wanted = frame.to_mesh(surface.draw(POINT_COUNT, "features"))
-    points, vectors = make_features(features, mesh, wanted)
+    points, vectors = make_features(features, surface.source, wanted)
     if not prediction.primitive_count:
         return row
     owners = prediction.owners(frame.to_normalised(points).astype(np.float32))

@@ -229,9 +229,11 @@ def _with_cavities(vertices: np.ndarray, bodies: list[np.ndarray]) -> list[np.nd
 
 def is_convex(part: PartMesh) -> bool:
     """Whether a part is the convex hull of its vertices, so that these say it all."""
-    if not is_balanced(find_edges(part.faces)):
+    a, b, c = (part.vertices[part.faces[:, corner]] - part.vertices[0] for corner in range(3))
+    volume = abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+    side = float(np.ptp(part.vertices, axis=0).max())
+    if volume <= FLAT * side**3 or not is_balanced(find_edges(part.faces)):
         return False
     import trimesh
 
-    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
-    return bool(abs(mesh.volume) > FLAT * float(np.max(mesh.extents)) ** 3 and mesh.is_convex)
+    return bool(trimesh.Trimesh(part.vertices, part.faces, process=False).is_convex)

@@ -35,6 +35,7 @@ def build_app(everything: bool = False) -> App:
 
     import resfit
     from resfit.cli.bench import bench
+    from resfit.cli.compare import compare
     from resfit.cli.demo import demo
     from resfit.cli.doctor import doctor
     from resfit.cli.eval import evaluate
@@ -51,6 +52,7 @@ def build_app(everything: bool = False) -> App:
     object.__setattr__(MORE, "_show", everything)
     app.command(fit)
     app.command(evaluate, name="eval")
+    app.command(compare)
     app.command(export)
     app.command(bench)
     app.command(doctor)

@@ -71,7 +71,7 @@ def table(row: dict[str, Any]) -> str:
     shown = [f"target  {row['target_rule']}"]
     if not row["closed"]:
         shown.append(
-            "        An open mesh: look at the distances (to its own faces) first, since a thick shell is easy to match."
+            "        An open mesh: look at the distances to its faces first, since a thick shell is easy to match."
         )
     for key, name, style in lines:
         if row[key] is not None:
