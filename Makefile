@@ -54,6 +54,11 @@ install: $(BIN)/python
 install-all: $(BIN)/python
 	$(call install-extras,test$(,)browser)
 
+# The system's own Chromium where it can be had, else the one that Playwright brings.
+install-chromium = command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	{ apt-get update && apt-get install -y chromium; } >/dev/null 2>&1 </dev/null || \
+	$(BIN)/python -m playwright install chromium </dev/null || echo "no Chromium: browser tests are skipped" >&2
+
 # Dependencies are resolved when pyproject.toml changes; the links are made again when the list of files does.
 , := ,
 define install-extras
@@ -62,8 +67,7 @@ define install-extras
 	  echo "installing resfit[$(1)] into $(VENV)"; \
 	  $(PIP) install 'setuptools>=77' </dev/null; \
 	  $(PIP) install --no-build-isolation -e '.[$(1)]' $(EDITABLE) </dev/null; \
-	  case "$(1)" in *browser*) $(BIN)/python -m playwright install chromium </dev/null || \
-	    echo "no Chromium: browser tests are skipped" >&2;; esac; \
+	  case "$(1)" in *browser*) $(call install-chromium);; esac; \
 	  { echo "$$wanted"; case "$(1)" in *browser*) echo "test $$(cksum < pyproject.toml)";; esac; } \
 	    > $(VENV)/.resfit-packages; \
 	  echo "$$files" > $(VENV)/.resfit-files; \
