@@ -57,9 +57,11 @@ print("VTK", pyvista.vtk_version_info)
 """
 
 CHROMIUM_PROBE = """
+import shutil
 from playwright.sync_api import sync_playwright
+found = [path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))]
 with sync_playwright() as playwright:
-    browser = playwright.chromium.launch()
+    browser = playwright.chromium.launch(executable_path=found[0] if found else None, args=["--no-sandbox"])
     print("Chromium", browser.version)
     browser.close()
 """
