@@ -135,13 +135,13 @@ def test_empty_assembly_has_no_distances() -> None:
 
 
 def test_leaving_out_one_metric_changes_no_other() -> None:
-    assembly = Assembly(HALVES[:1], FRAME)
+    assembly = Assembly(HALVES, FRAME)
     full = resfit.evaluate(assembly, TARGET, features=lambda mesh, points: points - 90.0)
     less = resfit.evaluate(assembly, TARGET, emd=False)
     for key, value in less.items():
         if key not in ("emd", "intra_prim", "inter_prim"):
             assert value == full[key], key
-    assert full["intra_prim"] is not None and full["inter_prim"] == 0.0
+    assert full["intra_prim"] is not None and full["inter_prim"] > 0.0 and full["emd"] < 0.1
 
 
 def test_features_follow_the_nearest_part() -> None:
