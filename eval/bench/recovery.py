@@ -101,7 +101,9 @@ def run_recovery(device: str = "auto", as_json: bool = False, count: int = 200) 
     if as_json:
         sys.stdout.write(json.dumps(report, indent=1) + "\n")
         return 0
-    sys.stdout.write(f"{count} random SuperFrusta from their {RESOLUTION}^3 grids, {report['seconds_each']} s each\n")
+    sys.stdout.write(
+        f"{count} random SuperFrusta from their {RESOLUTION}^3 grids, {report['seconds_each']} s each\n"
+    )
     for kind in (*KINDS, "all"):
         row = report[kind]
         sys.stdout.write(

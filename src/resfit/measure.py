@@ -19,9 +19,9 @@ from resfit.eval.metrics import measure_cheap, measure_deviation
 from resfit.fitter.assess import score_values as score_rows
 from resfit.fitter.assess import values_at
 from resfit.fitter.config import FitConfig, preset_config
-from resfit.fitter.loop import objective_samples
 from resfit.fitter.objective import Score, Tally
 from resfit.fitter.outcome import Outcome
+from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitives import family
