@@ -205,24 +205,30 @@ def test_degenerate_shapes_are_finite_and_right(shape, device, rng):
     np.testing.assert_allclose(dense[clear], expected[clear], atol=1e-5 * max(size, 1.0))
 
 
-def test_a_million_random_legal_shapes_are_finite(device, rng):
-    """No NaN or infinity in value or derivative, whatever the legal parameters."""
-    low, high = FAMILIES["superfrustum"].legal_range
+def random_legal_sets(name, count, rng):
+    """Rows of random poses and legal shapes, a fifth of the entries exactly on an end of its range."""
+    low, high = FAMILIES[name].legal_range
+    high = np.minimum(high, 2.0)
+    rows = empty_rows(count)
+    rows[:, :3] = rng.uniform(-1, 1, (count, 3))
+    rows[:, ROTATION : ROTATION + 4] = random_rotation(rng, count)
+    shapes = rng.uniform(low, high, (count, SHAPE))
+    ends = rng.uniform(size=shapes.shape)
+    rows[:, SHAPES : SHAPES + SHAPE] = np.where(ends < 0.1, low, np.where(ends > 0.9, high, shapes))
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("name", "batches"), [("superfrustum", 8), ("cuboid", 1), ("superprimitive", 1), ("superquadric", 1)]
+)
+def test_random_legal_shapes_are_finite(name, batches, device, rng):
+    """No NaN or infinity in value or derivative, whatever the legal parameters: a million SuperFrusta among them."""
     batch = 125_000
-    for _ in range(8):
-        rows = empty_rows(batch)
-        rows[:, :3] = rng.uniform(-1, 1, (batch, 3))
-        rows[:, ROTATION : ROTATION + 4] = random_rotation(rng, batch)
-        shapes = rng.uniform(low, np.minimum(high, 2.0), (batch, SHAPE))
-        # A fifth of the entries sits exactly on an end of its range.
-        ends = rng.uniform(size=shapes.shape)
-        shapes = np.where(ends < 0.1, low, np.where(ends > 0.9, np.minimum(high, 2.0), shapes))
-        rows[:, SHAPES : SHAPES + SHAPE] = shapes
+    for _ in range(batches):
+        rows = random_legal_sets(name, batch, rng)
         points = rng.uniform(-1, 1, (batch, 3))
         points[::7] = rows[::7, :3]
-        values, found = jacobian(
-            PrimitiveSet(rows, ["superfrustum"] * batch, device), points, np.arange(batch)
-        )
+        values, found = jacobian(PrimitiveSet(rows, [name] * batch, device), points, np.arange(batch))
         assert np.isfinite(values).all()
         assert np.isfinite(found).all()
 
