@@ -37,21 +37,21 @@ class MarchingFitConfig:
     """Share of these within NEAR cells of the target's surface."""
     padding: float = 6.0
     """Cells around a region's reach that may belong to its superquadric."""
-    search_steps: int = 8
+    search_steps: int = 4
     """Levenberg steps of every candidate."""
     passes: int = 5
     """Times that weights are computed anew."""
     steps: int = 4
     """Levenberg steps of each pass."""
-    betas: tuple[float, float] = (0.35, 1.2)
+    betas: tuple[float, float] = (0.5, 4.0)
     """Sharpness of the occupancy per cell, in the search and in the last pass."""
     wrong: float = 3.0
     """Price of a cell outside the target, in cells explained, when candidates are compared."""
-    uniform: float = 0.1
+    uniform: float = 0.8
     """Prior probability that a cell of the target belongs to another superquadric."""
     explained: float = 0.0
     """Weight of cells of the target that an earlier superquadric holds: to hold them again is neither good nor bad."""
-    noise: tuple[float, float] = (0.5, 0.08)
+    noise: tuple[float, float] = (0.35, 0.05)
     """Standard deviation of the residual at the start, and its least value."""
 
 
@@ -97,9 +97,9 @@ def fit_level(
     cells = [sample_cells(region, grid, explained, config, rng) for region in regions]
     starts = [region_candidates(region, len(grid)) for region in regions]
     rows, readers = np.concatenate(starts), np.repeat(np.arange(len(regions)), [len(s) for s in starts])
-    rows, _ = _search(rows, readers, cells, len(grid), config, device)
-    rows = _settle(rows, [cells[k] for k in readers], len(grid), config, device)
-    score = _scores(rows, [cells[k] for k in readers], config, device)
+    rows = _search(rows, readers, cells, len(grid), config, device)
+    rows = _settle(rows, readers, cells, len(grid), config, device)
+    score = _scores(rows, readers, cells, config, device)
     # Sorted by region, then score: the first of each region is its best.
     order = np.lexsort((-score, readers))
     return rows[order[np.searchsorted(readers[order], np.arange(len(regions)))]]
@@ -149,8 +149,8 @@ def _search(
     resolution: int,
     config: MarchingFitConfig,
     device: wp.Device,
-) -> tuple[np.ndarray, np.ndarray]:
-    """All candidates of all regions, fitted with blunt occupancies; rows and costs."""
+) -> np.ndarray:
+    """All candidates of all regions, fitted with blunt occupancies."""
     sizes = [len(cell.points) for cell in cells]
     points = shared_points(
         np.concatenate([cell.points for cell in cells]),
@@ -162,42 +162,60 @@ def _search(
         device=device,
     )
     betas = np.full(len(rows), config.betas[0] * 0.5 * resolution)
-    return levenberg(rows, [FAMILY] * len(rows), points, betas, config.search_steps, device)
+    return levenberg(rows, [FAMILY] * len(rows), points, betas, config.search_steps, device)[0]
 
 
 def _settle(
-    rows: np.ndarray, cells: list[RegionCells], resolution: int, config: MarchingFitConfig, device: wp.Device
+    rows: np.ndarray,
+    readers: np.ndarray,
+    cells: list[RegionCells],
+    resolution: int,
+    config: MarchingFitConfig,
+    device: wp.Device,
 ) -> np.ndarray:
     """Expectation maximisation: weights from residuals, a few Levenberg steps, ever sharper occupancies."""
-    sizes = [len(cell.points) for cell in cells]
-    owners = np.repeat(np.arange(len(cells)), sizes)
-    points = np.concatenate([cell.points for cell in cells])
-    target = np.concatenate([cell.target for cell in cells])
-    given = np.concatenate([cell.weight for cell in cells])
-    noise = np.full(len(cells), config.noise[0])
+    count = len(rows)
+    owners = np.repeat(np.arange(count), [len(cells[k].points) for k in readers])
+    points = np.concatenate([cells[k].points for k in readers])
+    target = np.concatenate([cells[k].target for k in readers])
+    given = np.concatenate([cells[k].weight for k in readers])
+    noise = np.full(count, config.noise[0])
     for beta in np.geomspace(*config.betas, config.passes) * 0.5 * resolution:
-        field = _own_values(rows, owners, points, device)
+        field = _own_values(rows, readers, cells, device)
         residual = _occupancy(field, beta) - _occupancy(target, beta)
         weight = given * _belongs(residual, target, noise[owners], config.uniform)
-        squares = np.bincount(owners, weight * residual**2, len(cells))
-        total = np.bincount(owners, weight, len(cells))
+        squares = np.bincount(owners, weight * residual**2, count)
+        total = np.bincount(owners, weight, count)
         noise = np.maximum(np.sqrt(squares / np.maximum(total, 1e-9)), config.noise[1])
-        owned = owned_points(points, owners, len(cells), target, np.sqrt(weight), device=device)
-        rows, _ = levenberg(
-            rows, [FAMILY] * len(rows), owned, np.full(len(rows), beta), config.steps, device
-        )
+        owned = owned_points(points, owners, count, target, np.sqrt(weight), device=device)
+        rows, _ = levenberg(rows, [FAMILY] * count, owned, np.full(count, beta), config.steps, device)
     return rows
 
 
 def _scores(
-    rows: np.ndarray, cells: list[RegionCells], config: MarchingFitConfig, device: wp.Device
+    rows: np.ndarray,
+    readers: np.ndarray,
+    cells: list[RegionCells],
+    config: MarchingFitConfig,
+    device: wp.Device,
 ) -> np.ndarray:
-    """Cells that each row explains anew, less those that it holds outside the target times `wrong`."""
-    owners = np.repeat(np.arange(len(cells)), [len(cell.points) for cell in cells])
-    target = np.concatenate([cell.target for cell in cells])
-    weight = np.concatenate([cell.weight * cell.volume for cell in cells])
-    held = _own_values(rows, owners, np.concatenate([cell.points for cell in cells]), device) < 0.0
-    return np.bincount(owners, held * weight * np.where(target < 0.0, 1.0, -config.wrong), len(cells))
+    """Cells that each row explains anew, less `wrong` times those that it holds outside the target."""
+    worth = [cell.weight * cell.volume * np.where(cell.target < 0.0, 1.0, -config.wrong) for cell in cells]
+    owners = np.repeat(np.arange(len(rows)), [len(cells[k].points) for k in readers])
+    held = _own_values(rows, readers, cells, device) < 0.0
+    return np.bincount(owners, held * np.concatenate([worth[k] for k in readers]), len(rows))
+
+
+def _own_values(
+    rows: np.ndarray, readers: np.ndarray, cells: list[RegionCells], device: wp.Device
+) -> np.ndarray:
+    """Distances of each row alone at the cells of its region, one row after the other."""
+    edges = np.searchsorted(readers, np.arange(len(cells) + 1))
+    values = []
+    for cell, begin, end in zip(cells, edges, edges[1:], strict=False):
+        primitives = PrimitiveSet(rows[begin:end], [FAMILY] * (end - begin), device)
+        values.append(evaluate_primitives(primitives, cell.points).reshape(-1))
+    return np.concatenate(values)
 
 
 def _belongs(residual: np.ndarray, target: np.ndarray, noise: np.ndarray, prior: float) -> np.ndarray:
@@ -205,16 +223,6 @@ def _belongs(residual: np.ndarray, target: np.ndarray, noise: np.ndarray, prior:
     normal = (1.0 - prior) * np.exp(-0.5 * (residual / noise) ** 2) / (np.sqrt(2.0 * np.pi) * noise)
     share = normal / (normal + prior)
     return np.where((target < 0.0) & (residual < 0.0), share, 1.0)
-
-
-def _own_values(rows: np.ndarray, owners: np.ndarray, points: np.ndarray, device: wp.Device) -> np.ndarray:
-    """Each point's distance (n,) to its owner alone."""
-    out = np.empty(len(points), np.float32)
-    edges = np.searchsorted(owners, np.arange(len(rows) + 1))
-    for k in range(len(rows)):
-        own = slice(edges[k], edges[k + 1])
-        out[own] = evaluate_primitives(PrimitiveSet(rows[k : k + 1], [FAMILY], device), points[own])[0]
-    return out
 
 
 def _occupancy(distance: np.ndarray, beta: float) -> np.ndarray:

@@ -1,119 +1,98 @@
-"""Marching Primitives: superquadrics marched out of a truncated signed distance grid, deepest parts first.
+"""Marching Primitives: superquadrics marched out of a truncated signed distance grid, by our own code.
 
 Written from the idea of Liu, Wu, Ruan and Chirikjian, "Marching-Primitives: Shape Abstraction from Signed Distance
-Function" (CVPR 2023); no code of theirs is used. Levels march from the deepest cell outward by a constant ratio. At
-each level every connected region of cells at least so deep is fitted by one superquadric (see `marching_fit`); what it
-holds is set to outside; and the next level follows until the level is less than a cell.
+Function" (CVPR 2023); no code of theirs is used. Where this differs, it is so that the method does well:
+
+- The residual is a difference of occupancies (logistic functions of the distances) and not of truncated distances. It
+  is as flat away from the surface, and the package's batched normal equations then serve here too.
+- All starts of all regions of a level advance in the same launches: boxes and principal axes in three turns, as the
+  method has them, and a few balls for regions that bend away from their own middle.
+
+What it shares with the original: superquadrics cannot follow what is thinner than two or three cells, later ones may
+freely cross earlier ones, and nothing is ever taken back.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-import warp as wp
 
-from ...kernels.field import evaluate_primitives
-from ...kernels.frame import Frame  # noqa: F401
-from ...kernels.primitive_set import PrimitiveSet
-from ...kernels.rows import ROTATION, ROW, SHAPES, TRANSLATION
-from .marching_fit import FAMILY, MarchingFitConfig, fit_level
-from .marching_regions import regions_below
+from resfit.errors import InputError
 
+from .options import output_folder, read_options
 
-@dataclass(frozen=True, kw_only=True)
-class MarchingConfig:
-    """How levels march."""
+NAME = "mps"
+DESCRIPTION = "Marching Primitives (CVPR 2023), our own code: superquadrics, fed exact signed distances"
 
-    ratio: float = 0.6
-    """Each level over the one before."""
-    last_level: float = 0.5
-    """Cells: levels stop here."""
-    smallest: int = 12
-    """Cells that a region must have, and that a superquadric must explain anew."""
-    repeats: int = 3
-    """Times that a level is looked at for what it still holds."""
-    most: int = 60
-    """Regions of one level."""
-    purity: float = 1.0
-    """Cells that a superquadric explains anew over those that it holds outside the target, at least."""
-    fit: MarchingFitConfig = field(default_factory=MarchingFitConfig)
+FEEDS = ("exact", "readme")
+
+README_LEVEL = 2.0
+"""Distance of the surface that the tool's instructions take, times the resolution: [-1, 1] is 2 wide, so one cell."""
 
 
-def march(
-    grid: np.ndarray, device: wp.Device, config: MarchingConfig | None = None, seed: int = 0
-) -> np.ndarray:
-    """Superquadrics that together fill a solid.
+def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
+    """Fit superquadrics to a mesh and write `assembly.json`, in the mesh's frame by its transform.
 
     Args:
-        grid: (n, n, n) float32 signed distance at the cell centres of [-1, 1]^3, normalised, negative inside.
-        device: where to fit.
-        config: how.
-        seed: equal seeds give equal results.
+        mesh_path: what to fit.
+        out: folder for the result.
+        options: `resolution` of the grid (128); `feed`, exact or readme (see `readme_grid`); `seed`; `device`.
+
+    Raises:
+        InputError: if the mesh cannot be read, or an option makes no sense.
+    """
+    chosen = read_options(options, {"resolution": 128, "feed": "exact", "seed": 0, "device": "auto"})
+    if chosen["feed"] not in FEEDS or not 16 <= chosen["resolution"] <= 512:
+        raise InputError("feed must be exact or readme, and resolution between 16 and 512.")
+    # Warp takes a second to load: options are checked before.
+    from ...assembly.assembly import Assembly
+    from ...assembly.colors import palette_color
+    from ...assembly.provenance import Provenance
+    from ...assembly.transform import Transform
+    from ...kernels.launch import choose_device
+    from ...target.grid import distance_grid
+    from ...target.load import load_mesh
+    from ...target.solid import decide_solid
+    from .marching_fit import FAMILY
+    from .marching_levels import march
+
+    device = choose_device(chosen["device"])
+    mesh = load_mesh(mesh_path)
+    transform = Transform.from_bounds(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+    query = decide_solid(transform.to_normalised(mesh.vertices), mesh.faces, transform.scale, device)
+    if chosen["feed"] == "exact":
+        grid = distance_grid(query, chosen["resolution"])
+    else:
+        grid = readme_grid(distance_grid(query, 2 * chosen["resolution"]))
+    rows = march(grid, device, seed=chosen["seed"])
+    recorded = {"method": NAME, "resolution": chosen["resolution"], "feed": chosen["feed"]}
+    provenance = Provenance.current(seed=chosen["seed"], options=recorded, input_sha256=mesh.sha256)
+    colors = [palette_color(index) for index in range(len(rows))]
+    path = output_folder(out) / "assembly.json"
+    Assembly.from_rows(rows, [FAMILY] * len(rows), colors, transform, provenance).save(path)
+    return path
+
+
+def readme_grid(fine: np.ndarray) -> np.ndarray:
+    """The grid that one gets by following the original tool's instructions to the letter.
+
+    They take the surface a little outside the mesh, which thickens everything by a cell, and sample from the corner of
+    the cube on, where the fit takes the values to be at the centres of cells: half a cell off.
+
+    Args:
+        fine: (2 n, 2 n, 2 n) signed distance at the cell centres of [-1, 1]^3, normalised, negative inside.
 
     Returns:
-        Rows (count, ROW) float32 of the family superquadric, hard union, in the order in which they were found.
+        (n, n, n) float32: at [i, j, k] the distance at (2 [i, j, k]) / n - 1, less one cell of n.
     """
-    config = config or MarchingConfig()
-    rng = np.random.default_rng(seed)
-    depth = np.maximum(grid * np.float32(-0.5 * len(grid)), 0.0)
-    explained = np.zeros(grid.shape, bool)
-    found: list[np.ndarray] = []
-    level = float(depth.max())
-    while level >= config.last_level:
-        level = max(level * config.ratio, config.last_level)
-        for _ in range(config.repeats):
-            regions = regions_below(depth, level, config.smallest, config.most)
-            if not regions:
-                break
-            rows = fit_level(regions, grid, explained, config.fit, device, rng)
-            taken = [row for row in rows if _take(row, grid, depth, explained, config, device)]
-            found += taken
-            if not taken:
-                break
-        if level <= config.last_level:
-            break
-    return np.stack(found) if found else np.zeros((0, ROW), np.float32)
-
-
-def _take(
-    row: np.ndarray,
-    grid: np.ndarray,
-    depth: np.ndarray,
-    explained: np.ndarray,
-    config: MarchingConfig,
-    device: wp.Device,
-) -> bool:
-    """Mark what a superquadric holds as explained, and as outside; False, and nothing done, if it brings too little."""
-    box = _cells_around(row, len(grid))
-    shape = tuple(edge.stop - edge.start for edge in box)
-    if min(shape) <= 0:
-        return False
-    axes = [(np.arange(edge.start, edge.stop) + 0.5) * (2.0 / len(grid)) - 1.0 for edge in box]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
-    held = evaluate_primitives(PrimitiveSet(row[None], [FAMILY], device), points)[0].reshape(shape) < 0.0
-    inside = grid[box] < 0.0
-    gained = np.count_nonzero(held & inside & ~explained[box])
-    wrong = np.count_nonzero(held & ~inside)
-    if gained < config.smallest or gained < config.purity * wrong:
-        return False
-    explained[box] |= held & inside
-    depth[box][held] = 0.0
-    return True
-
-
-def _cells_around(row: np.ndarray, resolution: int) -> tuple[slice, slice, slice]:
-    """The cells of a superquadric's bounding box."""
-    w, x, y, z = row[ROTATION : ROTATION + 4].astype(np.float64)
-    turn = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    reach = np.abs(turn) @ (0.5 * row[SHAPES : SHAPES + 3].astype(np.float64))
-    centre = row[TRANSLATION : TRANSLATION + 3].astype(np.float64)
-    low = np.clip(np.floor((centre - reach + 1.0) * 0.5 * resolution), 0, resolution).astype(int)
-    high = np.clip(np.ceil((centre + reach + 1.0) * 0.5 * resolution), 0, resolution).astype(int)
-    return slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
+    level = np.float32(README_LEVEL / (len(fine) // 2))
+    padded = np.pad(fine, ((1, 0),) * 3, mode="edge")[:-1, :-1, :-1]
+    # A corner of the coarse cells has eight fine centres around it.
+    pairs = padded
+    for axis in range(3):
+        even, odd = (np.take(pairs, range(start, pairs.shape[axis], 2), axis) for start in (0, 1))
+        pairs = 0.5 * (even + odd)
+    return np.ascontiguousarray(pairs - level, np.float32)

@@ -14,6 +14,9 @@ from ...kernels.rows import ROTATION, SHAPES, TRANSLATION, empty_rows
 START_EXPONENTS = (1.0, 1.0)
 """Every superquadric starts as an ellipsoid."""
 
+BALLS = 3
+"""Balls that a region starts as beside its boxes."""
+
 
 @dataclass(frozen=True, eq=False)
 class LevelRegion:
@@ -64,7 +67,7 @@ def region_candidates(region: LevelRegion, resolution: int) -> np.ndarray:
     """Ellipsoids to start from: the region's box and its principal axes, each with every axis as local z.
 
     A superquadric's two exponents tell its z axis from the other two, so that each turn is a different start. A region
-    that bends away from its own middle (a ring) also starts as the ball around its cell that is nearest to the middle.
+    that bends away from its own middle (a ring, a sheet with walls) also starts as balls around some of its cells.
 
     Args:
         region: where.
@@ -91,14 +94,22 @@ def region_candidates(region: LevelRegion, resolution: int) -> np.ndarray:
             row[ROTATION : ROTATION + 4] = quaternions(axes[None][:, :, order])[0]
             row[SHAPES : SHAPES + 3] = size[list(order)]
             row[SHAPES + 3 : SHAPES + 5] = START_EXPONENTS
-    middle = cells.mean(axis=0)
-    ball = empty_rows(1)
-    ball[0, TRANSLATION : TRANSLATION + 3] = (
-        cells[((cells - middle) ** 2).sum(axis=1).argmin()] + 0.5
-    ) * spacing - 1.0
-    ball[0, SHAPES : SHAPES + 3] = 2.0 * (region.depth + 1.0) * spacing
-    ball[0, SHAPES + 3 : SHAPES + 5] = START_EXPONENTS
-    return np.concatenate([rows, ball])
+    balls = empty_rows(BALLS)
+    balls[:, TRANSLATION : TRANSLATION + 3] = (_spread_cells(cells, BALLS) + 0.5) * spacing - 1.0
+    balls[:, SHAPES : SHAPES + 3] = 2.0 * (region.depth + 1.0) * spacing
+    balls[:, SHAPES + 3 : SHAPES + 5] = START_EXPONENTS
+    return np.concatenate([rows, balls])
+
+
+def _spread_cells(cells: np.ndarray, count: int) -> np.ndarray:
+    """The cell (count, 3) nearest to the middle of all, then each time the one farthest from those chosen."""
+    away = ((cells - cells.mean(axis=0)) ** 2).sum(axis=1)
+    chosen = [int(away.argmin())]
+    nearest = ((cells - cells[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < count:
+        chosen.append(int(nearest.argmax()))
+        np.minimum(nearest, ((cells - cells[chosen[-1]]) ** 2).sum(axis=1), out=nearest)
+    return cells[chosen]
 
 
 def _principal_axes(cells: np.ndarray) -> np.ndarray:
