@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         path = _run(name, pairs, Path(mesh), Path(out))
     except ResfitError as error:
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"resfit: {error}\n")
         return error.exit_code
     sys.stdout.write(f"{path}\n")
     return 0

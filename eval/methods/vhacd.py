@@ -40,5 +40,5 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     )
     if not len(hulls):
         raise InputError(f"V-HACD found no part in '{mesh_path}'.")
-    # What it returns is laid out in the same way.
-    return write_hulls([(v, np.asarray(f).reshape(-1, 4)[:, 1:]) for v, f in hulls], transform, out)
+    # What it returns has plain triangles, three corners each and no count.
+    return write_hulls([(v, np.asarray(f).reshape(-1, 3)) for v, f in hulls], transform, out)
