@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..kernels.activation import RAW_BLEND, RAW_DROP, RAW_KEEP, RAW_SHAPE, RAW_TURN, activate_rows
 from ..kernels.adjoint import differentiable_assembly
+from ..kernels.gradient import evaluate_gradient
 from ..kernels.points import point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.primitives import family
@@ -49,6 +50,7 @@ def refine_with_adam(
     seed: int,
     device: wp.Device,
     should_stop: Callable[[], bool] = lambda: False,
+    measure: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Move all primitives by Adam and drop those that no longer exist.
 
@@ -60,6 +62,7 @@ def refine_with_adam(
         seed: of minibatches and existence noise.
         device: where to evaluate.
         should_stop: asked before each step.
+        measure: signed distance of the target at points (n, 3), which noisy and predicted points need.
 
     Returns:
         (kept, ROW) float32, gates 1; at least the primitive that is surest to exist.
@@ -76,6 +79,7 @@ def refine_with_adam(
     raw = to_raw(rows, families)
     variable = wp.array(raw.ravel(), dtype=float, device=device, requires_grad=True)
     momentum, energy = np.zeros_like(raw), np.zeros_like(raw)
+    pool = samples
     for step in range(config.steps):
         if should_stop():
             break
@@ -83,11 +87,11 @@ def refine_with_adam(
         beta = config.betas[0] * (config.betas[1] / config.betas[0]) ** progress
         temperature = config.temperatures[0] + (config.temperatures[1] - config.temperatures[0]) * progress
         noise = rng.gumbel(size=(len(rows), 2)) * (1.0 - progress)
-        batch = rng.choice(len(samples.points), min(config.batch, len(samples.points)), replace=False)
+        if measure and (config.noise or config.predicted) and step % config.resample == 0:
+            pool = redraw(samples, primitives, config, progress, measure, rng)
+        batch = rng.choice(len(pool.points), min(config.batch, len(pool.points)), replace=False)
         variable.assign(raw.ravel())
-        gradient = _gradient(
-            primitives, variable, (low, high), noise, temperature, samples, batch, beta, config
-        )
+        gradient = _gradient(primitives, variable, (low, high), noise, temperature, pool, batch, beta, config)
         momentum = DECAY[0] * momentum + (1 - DECAY[0]) * gradient
         energy = DECAY[1] * energy + (1 - DECAY[1]) * gradient**2
         scale = np.sqrt(energy / (1 - DECAY[1] ** (step + 1))) + EPSILON
@@ -101,6 +105,38 @@ def refine_with_adam(
         kept[np.argmax(final[:, GATE])] = True
     final[:, GATE] = 1.0
     return final[kept]
+
+
+def redraw(
+    samples: ObjectiveSamples,
+    primitives: PrimitiveSet,
+    config: AdamConfig,
+    progress: float,
+    measure: Callable[[np.ndarray], np.ndarray],
+    rng: np.random.Generator,
+) -> ObjectiveSamples:
+    """Samples shaken by noise that shrinks with progress, some of them moved onto the predicted surface.
+
+    Args:
+        samples: as drawn for the target.
+        primitives: the prediction.
+        config: noise and share of predicted points.
+        progress: share of the steps done.
+        measure: signed distance of the target at points (n, 3).
+        rng: for the draw.
+
+    Returns:
+        As many points with their exact distances; weights go with the points.
+    """
+    points = samples.points.astype(np.float32).copy()
+    moved = rng.uniform(size=len(points)) < config.predicted
+    if moved.any():
+        field, gradient = evaluate_gradient(primitives, points[moved])
+        steep = np.maximum((gradient**2).sum(1), 1e-6)
+        points[moved] -= np.clip(field / steep, -2.0, 2.0)[:, None] * gradient
+    spread = config.noise * (1.0 - progress)
+    points += spread * rng.normal(size=points.shape).astype(np.float32)
+    return ObjectiveSamples(points, measure(points).astype(np.float32), samples.weight, samples.near_count)
 
 
 def _gradient(

@@ -10,7 +10,7 @@ import warp as wp
 from ..kernels.field import primitives_at
 from ..kernels.points import PointBlocks
 from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.rows import BLEND
+from ..kernels.rows import BLEND, SHAPES
 from .objective import Score, Tally
 from .refine import fold
 
@@ -56,3 +56,14 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, alpha: flo
         rows[k, BLEND] = best
         prefix = np.stack([prefix[-1], fold(np.stack([prefix[-1], values[k]]), rows[k - 1 : k + 1, BLEND])])
     return rows
+
+
+def rough_volume(rows: np.ndarray) -> np.ndarray:
+    """Volumes of the primitives' boxes, to order them by."""
+    return rows[:, SHAPES : SHAPES + 3].prod(1)
+
+
+def sorted_by_volume(pool: np.ndarray, chosen: list[int]) -> np.ndarray:
+    """The chosen indices, biggest primitive first: the order that the union folds in."""
+    index = np.array(chosen)
+    return index[np.argsort(-rough_volume(pool[index]), kind="stable")]

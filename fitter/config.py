@@ -65,6 +65,12 @@ class AdamConfig:
     """Of the existence softmax, at the start and end."""
     count_weight: float = 1e-3
     quality_weight: float = 1e-2
+    noise: float = 0.0
+    """Standard deviation of noise on the sample positions at the start, normalised units; it shrinks to 0."""
+    predicted: float = 0.0
+    """Share of the points drawn near the predicted surface instead, 0 to 1: false volume far from the target shows."""
+    resample: int = 25
+    """Steps between draws of noisy and predicted points, whose distances are measured anew."""
 
 
 PRESETS: dict[str, dict[str, Any]] = {

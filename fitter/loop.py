@@ -17,11 +17,11 @@ from ..decomposition.region import Region
 from ..kernels.field import cell_centres, union_at
 from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.rows import BLEND, ROW, SHAPES
+from ..kernels.rows import BLEND, ROW
 from ..target.deviation import surface_distances
 from ..target.target import Target
 from .adam import refine_with_adam
-from .assess import choose_blends, score_values, values_at
+from .assess import choose_blends, rough_volume, score_values, sorted_by_volume, values_at
 from .config import FitConfig
 from .memory import CandidateMemory
 from .objective import Score, Tally
@@ -285,7 +285,14 @@ class Fit:
         config, families = self.config, self.families(rows)
         if config.optimizer == "adam":
             return refine_with_adam(
-                rows, families, self.samples, config.adam, config.seed + number, self.device, self.should_stop
+                rows,
+                families,
+                self.samples,
+                config.adam,
+                config.seed + number,
+                self.device,
+                self.should_stop,
+                self.target.query.signed_distance,
             )
         return refine(rows, families, self.samples, config.refine, self.device, self.should_stop)
 
@@ -361,17 +368,6 @@ class Fit:
 def replace_price(score: Score, alpha: float, before: float) -> Score:
     """The score with another price of a primitive."""
     return replace(score, objective=score.objective + (before - alpha) * score.primitive_count)
-
-
-def rough_volume(rows: np.ndarray) -> np.ndarray:
-    """Volumes of the primitives' boxes, to order them by."""
-    return rows[:, SHAPES : SHAPES + 3].prod(1)
-
-
-def sorted_by_volume(pool: np.ndarray, chosen: list[int]) -> np.ndarray:
-    """The chosen indices, biggest primitive first: the order that the union folds in."""
-    index = np.array(chosen)
-    return index[np.argsort(-rough_volume(pool[index]), kind="stable")]
 
 
 def fit_target(

@@ -9,13 +9,17 @@ from reference import primitive as exact_primitive
 from scenes import random_rows
 
 from resfit.errors import InputError
-from resfit.fitter.config import FitConfig, preset_config
+from resfit.fitter.adam import redraw
+from resfit.fitter.config import AdamConfig, FitConfig, preset_config
 from resfit.fitter.levenberg import apply_steps, fit_ranges, levenberg
 from resfit.fitter.loop import fit_target
 from resfit.fitter.outcome import Status
 from resfit.fitter.refine import refine
+from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch as launching
+from resfit.kernels.field import evaluate_assembly
 from resfit.kernels.owned_points import shared_points
+from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
 from resfit.target.target import make_target
 
@@ -105,7 +109,6 @@ def test_refinement_never_raises_the_loss(table, device, rng):
     """A disturbed table moves back towards the target."""
     from resfit.fitter.assess import score_values, values_at
     from resfit.fitter.objective import Tally
-    from resfit.fitter.samples import objective_samples
     from resfit.kernels.points import point_blocks
 
     target = make_target(table, device)
@@ -198,3 +201,24 @@ def test_the_papers_optimiser_fits(table, device):
     outcome = fit_target(make_target(table, device), preset_config("fast", optimizer="adam"), device)
     assert outcome.iou > 0.75
     assert (outcome.rows[:, -1] == 1).all(), "gates come out hard"
+
+
+def test_redrawn_samples_lie_where_they_are_asked_to(table, device, rng):
+    """Predicted points lie on the predicted surface, noise shrinks to nothing, distances are the target's own."""
+    target = make_target(table, device)
+    samples = objective_samples(target)
+    primitives = PrimitiveSet(
+        random_rows(rng, ["cuboid", "superfrustum"]), ["cuboid", "superfrustum"], device
+    )
+    measure = target.query.signed_distance
+    still = redraw(samples, primitives, AdamConfig(noise=0.1), 1.0, measure, rng)
+    np.testing.assert_array_equal(still.points, samples.points)
+    shaken = redraw(samples, primitives, AdamConfig(noise=0.1), 0.5, measure, rng)
+    assert np.std(shaken.points - samples.points) == pytest.approx(0.05, rel=0.05)
+    np.testing.assert_allclose(shaken.distance, measure(shaken.points), atol=1e-6)
+    predicted = redraw(samples, primitives, AdamConfig(predicted=1.0), 0.0, measure, rng)
+    before = np.abs(evaluate_assembly(primitives, samples.points))
+    after = np.abs(evaluate_assembly(primitives, predicted.points))
+    assert np.median(after) < 0.01 * np.median(before)
+    config = preset_config("fast", optimizer="adam", adam=AdamConfig(noise=0.03, predicted=0.2))
+    assert fit_target(target, config, device).iou > 0.7
