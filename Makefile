@@ -52,7 +52,7 @@ install: $(BIN)/python
 	$(call install-extras,test)
 
 install-all: $(BIN)/python
-	$(call install-extras,test$(,)browser)
+	$(call install-extras,test$(,)browser$(,)compare)
 
 # The system's own Chromium where it can be had, else the one that Playwright brings.
 install-chromium = command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
