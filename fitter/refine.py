@@ -18,7 +18,6 @@ from ..kernels.owned_points import OwnedPoints, owned_points
 from ..kernels.ownership import Ownership, find_owners, ownership_arrays
 from ..kernels.points import PointBlocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.rows import BLEND
 from .config import RefineConfig
 from .levenberg import apply_steps, fit_ranges, solve_steps
 from .objective import ObjectiveSamples
@@ -142,10 +141,3 @@ def _rows_of_loss(
 
 def _occupancy(distance: np.ndarray, beta: float) -> np.ndarray:
     return 1.0 / (1.0 + np.exp(np.clip(beta * distance, -40.0, 40.0)))
-
-
-def set_blends(rows: np.ndarray, blend: float) -> np.ndarray:
-    """Rows with every blend set to `blend`; the first one's is unused."""
-    changed = rows.copy()
-    changed[:, BLEND] = blend
-    return changed

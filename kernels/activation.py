@@ -11,7 +11,7 @@ import warp as wp
 from .frame import rotation_from_axis_angle
 from .launch import VECTOR_FLAGS, load
 from .primitive_set import PrimitiveSet
-from .rows import BLEND_C, GATE_C, ROTATION_C, ROW, ROW_C, SHAPE, SHAPE_C, SHAPES_C, TRANSLATION_C
+from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE, SHAPE_C, SHAPES_C, TRANSLATION_C
 
 # The only module whose adjoint Warp generates: a few numbers a primitive, no loops that overwrite.
 wp.set_module_options({"enable_backward": True, "cpu_compiler_flags": VECTOR_FLAGS})
@@ -82,7 +82,3 @@ def activate_rows(
             device=device,
         )
     primitives.derive()
-
-
-RAW = ROW
-"""Raw numbers of a primitive."""

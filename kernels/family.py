@@ -139,3 +139,29 @@ def dilation_parameter() -> Parameter:
         (0.0,),
         (0.0, 1.0),
     )
+
+
+def roundness_parameter() -> Parameter:
+    """The corner radius of a profile."""
+    return Parameter(
+        "roundness",
+        "corner radius of the profile as a share of its inset radius; 1 is a stadium or disc",
+        "ratio",
+        (0.0, 1.0),
+        (0.0, 1.0),
+        (0.0,),
+        (0.0, 1.0),
+    )
+
+
+def onion_parameter() -> Parameter:
+    """The hole of a profile; below 0 it only makes inner distances exact (spec section 6.1)."""
+    return Parameter(
+        "onion",
+        "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
+        "ratio",
+        (-1.0, 1.0),
+        (-1.0, 0.975),
+        (-1.0,),
+        (-1.0, 1.0),
+    )

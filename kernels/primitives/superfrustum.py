@@ -9,7 +9,14 @@ from __future__ import annotations
 import warp as wp
 
 from ..bend import Bend, behind_centre, derive_bend, straighten, straighten_other
-from ..family import Family, Parameter, dilation_parameter, size_parameter
+from ..family import (
+    Family,
+    Parameter,
+    dilation_parameter,
+    onion_parameter,
+    roundness_parameter,
+    size_parameter,
+)
 from ..profile import Profile, derive_profile, sdf_profile
 from ..rows import SHAPES_C
 from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
@@ -168,15 +175,7 @@ FAMILY = Family(
     description="rounded profile swept along a straight or bent axis, tapered, hollowed and dilated",
     parameters=(
         size_parameter("full extents before dilation; z is the sweep axis (the chord, where it is bent)"),
-        Parameter(
-            "roundness",
-            "corner radius of the profile as a share of its inset radius; 1 is a stadium or disc",
-            "ratio",
-            (0.0, 1.0),
-            (0.0, 1.0),
-            (0.0,),
-            (0.0, 1.0),
-        ),
+        roundness_parameter(),
         dilation_parameter(),
         Parameter(
             "taper",
@@ -196,15 +195,7 @@ FAMILY = Family(
             (0.0,),
             (-1.0, 1.0),
         ),
-        Parameter(
-            "onion",
-            "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
-            "ratio",
-            (-1.0, 1.0),
-            (-1.0, 0.975),
-            (-1.0,),
-            (-1.0, 1.0),
-        ),
+        onion_parameter(),
     ),
     table=SuperFrustum,
     derive=derive_superfrustum,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..family import Family, Parameter, dilation_parameter, size_parameter
+from ..family import Family, dilation_parameter, onion_parameter, roundness_parameter, size_parameter
 from ..profile import Profile, derive_profile, sdf_profile
 from ..rows import SHAPES_C
 from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
@@ -47,25 +47,9 @@ FAMILY = Family(
     description="rounded profile swept straight, hollowed and dilated",
     parameters=(
         size_parameter("full extents before dilation; z is the sweep axis"),
-        Parameter(
-            "roundness",
-            "corner radius of the profile as a share of its inset radius; 1 is a stadium or disc",
-            "ratio",
-            (0.0, 1.0),
-            (0.0, 1.0),
-            (0.0,),
-            (0.0, 1.0),
-        ),
+        roundness_parameter(),
         dilation_parameter(),
-        Parameter(
-            "onion",
-            "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
-            "ratio",
-            (-1.0, 1.0),
-            (-1.0, 0.975),
-            (-1.0,),
-            (-1.0, 1.0),
-        ),
+        onion_parameter(),
     ),
     table=Superprimitive,
     derive=derive_superprimitive,
