@@ -42,6 +42,9 @@ pockets as one box)."""
 ADAM_SEEDS = 7
 """Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
 
+REACHED = (Status.TARGET_IOU, Status.TOLERANCE)
+"""Stops that the rows of the moment have earned: another set, or a last polish by the objective, may fall short."""
+
 STARTING_BLEND = 0.02
 """Blend radius of new primitives while they are refined; the last step chooses one for each."""
 
@@ -164,9 +167,12 @@ class Fit:
             if reason is not None:
                 status = reason
                 break
-        self.rows, self.score = self.best_rows, self.best_score
-        if not status.stopped_early:
-            self.finish()
+        if status in REACHED:
+            self.score = replace_price(self.score, self.config.parsimony, self.alpha)
+        else:
+            self.rows, self.score, self.iou = self.best_rows, self.best_score, self.best_iou
+            if not status.stopped_early:
+                self.finish()
         order = (
             np.argsort(-rough_volume(self.rows), kind="stable")
             if self.config.union == "hard"

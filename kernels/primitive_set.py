@@ -15,7 +15,7 @@ from .family import Family
 from .frame import Frame, derive_frame
 from .launch import PLAIN_OPTIONS, launch
 from .primitives import family
-from .rows import BLEND, GATE, ROW, ROW_C
+from .rows import GATE, ROW, ROW_C
 
 
 @cache
@@ -101,11 +101,6 @@ class PrimitiveSet:
         """Replace all rows (primitive_count, ROW) and derive."""
         self.rows.assign(np.ascontiguousarray(rows, np.float32).ravel())
         self.derive()
-
-    @property
-    def blends(self) -> np.ndarray:
-        """Blend radii (primitive_count,)."""
-        return self.rows_numpy()[:, BLEND]
 
     @property
     def gates(self) -> np.ndarray:

@@ -17,7 +17,7 @@ from resfit.fitter.outcome import Status
 from resfit.fitter.refine import refine
 from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch as launching
-from resfit.kernels.field import evaluate_assembly
+from resfit.kernels.field import cell_centres, evaluate_assembly, evaluate_grid
 from resfit.kernels.owned_points import shared_points
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
@@ -222,3 +222,18 @@ def test_redrawn_samples_lie_where_they_are_asked_to(table, device, rng):
     assert np.median(after) < 0.01 * np.median(before)
     config = preset_config("fast", optimizer="adam", adam=AdamConfig(noise=0.03, predicted=0.2))
     assert fit_target(target, config, device).iou > 0.7
+
+
+def test_what_reached_the_wanted_iou_is_what_comes_back(table, device):
+    """Not an earlier set that is worth more by the objective but falls short of what was asked for."""
+    target = make_target(table, device)
+    for wanted in (0.5, 0.8, 0.9):
+        outcome = fit_target(target, preset_config("balanced", target_iou=wanted, parsimony=0.05), device)
+        assert wanted > 0.5 or outcome.status is Status.TARGET_IOU
+        if outcome.status is Status.TARGET_IOU:
+            assert outcome.iou >= wanted
+            found = (
+                evaluate_grid(PrimitiveSet(outcome.rows, outcome.families, device), *cell_centres(128)) < 0
+            )
+            inside = target.grid < 0
+            assert (inside & found).sum() / (inside | found).sum() == pytest.approx(outcome.iou, abs=1e-9)
