@@ -160,7 +160,7 @@ def markdown(rows: Sequence[Row]) -> str:
     failed = [row for row in rows if row["status"] != "ok"]
     lines = ["# Comparison", "", _introduction(len(meshes), methods), ""]
     for table in tables_of(rows):
-        lines += [f"## {table.title}", "", *_markdown_table(table), ""]
+        lines += [f"## {table.title}", "", *markdown_table(table), ""]
         lines += [_floor_sentence(table), ""] if table.floor is not None else []
     if failed:
         lines += ["## Not finished", ""]
@@ -184,7 +184,8 @@ def _floor_sentence(table: Table) -> str:
     return f"Two samples of the targets themselves have a CD of {table.floor:.3f}: smaller differences mean nothing."
 
 
-def _markdown_table(table: Table) -> list[str]:
+def markdown_table(table: Table) -> list[str]:
+    """Lines of a table, the best of each column in bold."""
     arrows = [f"{column.heading} {'↑' if column.better > 0 else '↓'}" for column in table.columns]
     lines = ["| method | " + " | ".join(arrows) + " |", "|---" + "|---:" * len(arrows) + "|"]
     for number, (method, values) in enumerate(table.lines):
@@ -219,10 +220,11 @@ LATEX_HEAD = r"""% Needs \usepackage{booktabs} and \usepackage[table]{xcolor}. G
 
 def latex(rows: Sequence[Row]) -> str:
     """The same tables for a paper."""
-    return LATEX_HEAD + "".join("\n" + _latex_table(table) for table in tables_of(rows))
+    return LATEX_HEAD + "".join("\n" + latex_table(table) for table in tables_of(rows))
 
 
-def _latex_table(table: Table) -> str:
+def latex_table(table: Table) -> str:
+    """A table for a paper; needs LATEX_HEAD before it."""
     arrows = [
         rf"{_escape(column.heading)} ($\{'uparrow' if column.better > 0 else 'downarrow'}$)"
         for column in table.columns

@@ -5,16 +5,18 @@ a node a part (`parts.glb`), into the folder `out`, in the input's OWN frame, an
 them, some more than once with other options. A module loads when it runs: what one needs another need not have, and
 the cost of a process is its method's own.
 
-    python -m resfit.eval.methods NAME MESH OUT [key=value ...]
+    python -m resfit.eval.methods NAME[:key=value,...] MESH OUT [key=value ...]
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from resfit.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -71,3 +73,44 @@ _ALL = (
 
 METHODS: dict[str, Method] = {method.NAME: method for method in _ALL}
 """Every method by name."""
+
+
+def find_method(text: str) -> Method:
+    """The method that a text names: `ours`, or a variant such as `ours:union=hard,rounds=2`.
+
+    Raises:
+        InputError: if there is no such method, or what follows the colon is no list of options.
+    """
+    name, colon, pairs = text.partition(":")
+    if name not in METHODS:
+        raise InputError(f"there is no method {name}; there are: {', '.join(METHODS)}.")
+    if not colon:
+        return METHODS[name]
+    options = {**METHODS[name].options, **read_pairs(pairs.split(","))}
+    return replace(METHODS[name], NAME=text, options=options)
+
+
+def read_pairs(pairs: Sequence[str]) -> dict[str, str]:
+    """Options of texts `key=value`.
+
+    Raises:
+        InputError: if a text is nothing of the kind.
+    """
+    options = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"'{pair}' is no option; write key=value.")
+        options[key.strip()] = value.strip()
+    return options
+
+
+def split_methods(text: str) -> list[str]:
+    """Methods of a list with commas between them; a comma followed by `key=value` goes on with a variant's options."""
+    found: list[str] = []
+    for piece in text.split(","):
+        if found and ":" in found[-1] and "=" in piece and ":" not in piece.partition("=")[0]:
+            found[-1] += f",{piece.strip()}"
+        else:
+            found.append(piece.strip())
+    return [name for name in found if name]

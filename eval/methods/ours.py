@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
-from .options import output_folder, read_options
+from resfit.errors import InputError
+
+from .options import output_folder
+
+if TYPE_CHECKING:
+    from ...fitter.config import FitConfig
 
 NAME = "ours"
 DESCRIPTION = "this package's fit, preset balanced"
@@ -20,7 +26,7 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     Args:
         mesh_path: what to fit.
         out: folder for the result.
-        options: `preset` (balanced), `rounds` (0: as the preset has it), `primitive`, `seed`, `device`.
+        options: any field of `FitConfig` that is one number or word, those of its stages as `refine.overlap`.
 
     Raises:
         InputError: if the mesh cannot be read or holds nothing solid, or an option makes no sense.
@@ -28,24 +34,16 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.assembly import Assembly
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
-    from ...fitter.config import preset_config
     from ...fitter.loop import fit_target
     from ...kernels.launch import choose_device
     from ...target.target import make_target
 
-    defaults = {"preset": "balanced", "rounds": 0, "primitive": "superfrustum", "seed": 0, "device": "auto"}
-    chosen = read_options(options, defaults)
-    config = preset_config(
-        chosen["preset"],
-        rounds=chosen["rounds"] or None,
-        primitive=chosen["primitive"],
-        seed=chosen["seed"],
-        device=chosen["device"],
-    )
+    config = configuration(options)
     device = choose_device(config.device)
     target = make_target(mesh_path, device, config.resolution, config.samples, config.seed)
     outcome = fit_target(target, config, device)
-    recorded = {name: chosen[name] for name in ("preset", "primitive")} | {"rounds": config.rounds}
+    recorded = {"preset": config.preset, "primitive": config.primitive, "rounds": config.rounds}
+    recorded |= {name: str(value) for name, value in options.items() if name not in recorded}
     provenance = Provenance.current(
         seed=config.seed, options={"method": NAME, **recorded}, input_sha256=target.input_sha256
     )
@@ -54,3 +52,70 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     path = output_folder(out) / "assembly.json"
     assembly.save(path)
     return path
+
+
+def configuration(options: Mapping[str, Any]) -> FitConfig:
+    """The configuration of a preset with some of its fields changed.
+
+    Args:
+        options: `preset` and other fields by name; a stage's own fields as `stage.field`. Values may be text.
+
+    Raises:
+        InputError: for a field that does not exist or holds several values, or a value that does not fit it.
+    """
+    from ...fitter.config import preset_config
+
+    config = preset_config(str(options.get("preset", "balanced")))
+    stages: dict[str, dict[str, Any]] = {}
+    changes: dict[str, Any] = {}
+    for name, value in options.items():
+        stage, dot, own = name.rpartition(".")
+        holder = getattr(config, stage, None) if dot else config
+        if not is_dataclass(holder) or own not in _scalars(holder):
+            raise InputError(
+                f"the method has no option {name}; there are: {', '.join(known_options(config))}."
+            )
+        read = _read(name, value, _scalars(holder)[own])
+        (stages.setdefault(stage, {}) if dot else changes)[own] = read
+    for stage, own in stages.items():
+        changes[stage] = replace(getattr(config, stage), **own)
+    return replace(config, **changes)
+
+
+def known_options(config: FitConfig) -> list[str]:
+    """Names of everything that `configuration` can change."""
+    names = list(_scalars(config))
+    for field in fields(config):
+        holder = getattr(config, field.name)
+        if is_dataclass(holder):
+            names += [f"{field.name}.{name}" for name in _scalars(holder)]
+    return names
+
+
+def _scalars(holder: Any) -> dict[str, Any]:
+    """Type of each field of a configuration that is one number or word."""
+    hints = get_type_hints(type(holder))
+    single = {name: hint for name, hint in hints.items() if name in {field.name for field in fields(holder)}}
+    return {
+        name: hint
+        for name, hint in single.items()
+        if hint in (bool, int, float, str) or get_origin(hint) is Literal
+    }
+
+
+def _read(name: str, value: Any, hint: Any) -> Any:
+    """A value, perhaps text, as its field wants it."""
+    if get_origin(hint) is Literal:
+        if value not in get_args(hint):
+            raise InputError(f"option {name} is {value!r}; choose {', '.join(get_args(hint))}.")
+        return value
+    if hint is bool:
+        words = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
+        if str(value).lower() not in words:
+            raise InputError(f"option {name} is {value!r}; it must be true or false.")
+        return words[str(value).lower()]
+    try:
+        return hint(value)
+    except (TypeError, ValueError):
+        wanted = {int: "a whole number", float: "a number"}[hint]
+        raise InputError(f"option {name} is {value!r}; it must be {wanted}.") from None

@@ -31,7 +31,8 @@ def compare(
     Args:
         meshes: files, folders, lists (.txt, one path a line), or a data set's folder after its layout, such as
             toys4k:/data/toys4k_obj_files; layouts are folder, toys4k, 3dgen, abc and partobjaverse.
-        methods: names, separated by commas; resfit compare --methods help lists them.
+        methods: names, separated by commas; resfit compare --methods help lists them. ours:key=value,key=value changes
+            options of a fit, such as ours:union=hard,refine.overlap=0.
         output: folder for rows.jsonl, tables.md, tables.tex, pareto.svg, sheet.png and every method's results.
         select: take only so many meshes, as unlike each other as can be (farthest-point selection).
         timeout: seconds a fit; 0 is off.
@@ -42,20 +43,21 @@ def compare(
     """
     from resfit.eval.compare import Comparison, check_methods, check_out, run_comparison
     from resfit.eval.datasets import find_shapes, select_diverse
+    from resfit.eval.methods import split_methods
     from resfit.eval.report import FILES, write_report
 
     known = known_methods()
     if methods == "help":
         sys.stdout.write("".join(f"{name:<14} {text}\n" for name, text in known.items()))
         return 0
-    asked = check_methods(methods.split(","), known)
+    asked = check_methods(split_methods(methods), known)
     shapes = find_shapes(meshes)
     if not shapes:
         raise InputError("there is no mesh to compare on; give files, folders or lists of meshes.")
     check_out(output)
     if select is not None:
         shapes = select_diverse(
-            shapes, select, lambda shape, reason: _say(f"{shape.name} is left out: {reason}")
+            shapes, select, lambda shape, reason: say(f"{shape.name} is left out: {reason}")
         )
         if not shapes:
             raise InputError("none of the meshes can be read.")
@@ -65,7 +67,7 @@ def compare(
 
     def show(row: dict[str, Any]) -> None:
         rows.append(row)
-        _say(f"{len(rows)}/{total} {brief(row)}")
+        say(f"{len(rows)}/{total} {brief(row)}")
 
     code = 0
     try:
@@ -77,7 +79,7 @@ def compare(
         sys.stdout.write(f"{summary(rows)}written  {output}/ {' '.join(('rows.jsonl', *FILES))}\n")
     failed = [row for row in rows if row["status"] != "ok"]
     if failed:
-        _say(f"{len(failed)} of {total} fits failed; rows.jsonl and tables.md say why.")
+        say(f"{len(failed)} of {total} fits failed; rows.jsonl and tables.md say why.")
     return code or (FAILED if failed else 0)
 
 
@@ -123,5 +125,6 @@ def summary(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _say(sentence: str) -> None:
+def say(sentence: str) -> None:
+    """One line on stderr."""
     sys.stderr.write(f"resfit: {' '.join(sentence.split())}\n")

@@ -1,0 +1,169 @@
+"""What each choice is worth: our own fit in variants, on the same meshes, as studies with a table each.
+
+    resfit bench ablation MESH ... -o FOLDER
+
+A study is a list of variants of the method `ours`; another one, or another row, is an entry of `STUDIES`. Fits and
+rows are `compare`'s: what an earlier run into the same folder has finished is not done again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from resfit.errors import InputError
+
+from .ablation_sentences import (
+    Means,
+    moves_sentences,
+    optimizer_sentences,
+    primitive_sentences,
+    rounds_sentences,
+)
+from .compare import Comparison, run_comparison
+from .datasets import Shape
+
+ROUNDS = 2
+"""Of a variant that iterates: the paper's ablations have two."""
+
+ADAM_SHAPES = 6
+"""Adam takes many times as long, so its study has only the first so many meshes."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One row of a table."""
+
+    label: str
+    method: str
+    """As `resfit compare` takes it."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One table."""
+
+    name: str
+    """As the command takes it."""
+    title: str
+    variants: tuple[Variant, ...]
+    sentences: Callable[[Means], list[str]]
+    """What the table says, from the means of its rows by their labels."""
+    most: int | None = None
+    """Meshes, the first ones; None takes all."""
+
+    def shapes(self, shapes: Sequence[Shape]) -> list[Shape]:
+        """The meshes of this study."""
+        return list(shapes[: self.most])
+
+
+def ours(**changes: Any) -> str:
+    """The method with some fields of the configuration changed; `__` in a name stands for the dot of a stage.
+
+    Fields at their defaults are left out, so that equal fits have one name and are done once.
+    """
+    usual = {"primitive": "superfrustum", "union": "smooth", "decompose": "msd", "optimizer": "levenberg"}
+    pairs = [
+        f"{name.replace('__', '.')}={value}" for name, value in changes.items() if usual.get(name) != value
+    ]
+    return ":".join(["ours", ",".join(pairs)]) if pairs else "ours"
+
+
+FAMILIES = ("cuboid", "superquadric", "superprimitive", "superfrustum")
+
+PRIMITIVE = Study(
+    "primitive",
+    "Primitive family and union",
+    tuple(
+        Variant(f"{family}, {union}", ours(primitive=family, union=union, rounds=ROUNDS))
+        for union in ("smooth", "hard")
+        for family in FAMILIES
+    ),
+    primitive_sentences,
+)
+
+SINGLE_SHOT = Study(
+    "rounds",
+    "Single shot or residual rounds, by decomposition",
+    tuple(
+        Variant(f"{name}, {shown}", ours(decompose=decompose, rounds=rounds))
+        for decompose, shown in (("msd", "MSD"), ("coacd", "CoACD"))
+        for name, rounds in (("single shot", 1), ("ResFit", ROUNDS))
+    ),
+    rounds_sentences,
+)
+
+OPTIMIZER = Study(
+    "optimizer",
+    "Second-order steps or the paper's Adam",
+    (
+        Variant("Levenberg", ours(rounds=ROUNDS)),
+        Variant("Adam", ours(optimizer="adam", rounds=ROUNDS)),
+        Variant("Adam, learned sweep axis", ours(optimizer="adam", adam__axis="learned", rounds=ROUNDS)),
+    ),
+    optimizer_sentences,
+    ADAM_SHAPES,
+)
+
+MOVES = Study(
+    "moves",
+    "What the moves contribute: all rounds of preset balanced, one feature switched off a row",
+    (
+        Variant("everything", ours()),
+        Variant("no excursions", ours(excursions=0)),
+        Variant("no splits", ours(propose__splits=0)),
+        Variant("no merges", ours(propose__merges=0)),
+        Variant("one first pick (no beam)", ours(select__beam=1)),
+        Variant("no overlap rows", ours(refine__overlap=0)),
+        Variant("hard union", ours(union="hard")),
+    ),
+    moves_sentences,
+)
+
+STUDIES: dict[str, Study] = {study.name: study for study in (PRIMITIVE, SINGLE_SHOT, OPTIMIZER, MOVES)}
+
+
+def check_studies(names: Sequence[str]) -> list[Study]:
+    """The studies asked for.
+
+    Raises:
+        InputError: if there is none, or one is unknown.
+    """
+    asked = [name.strip() for name in names if name.strip()]
+    for name in asked:
+        if name not in STUDIES:
+            raise InputError(f"there is no study '{name}'; choose {', '.join(STUDIES)}.")
+    if not asked:
+        raise InputError(f"give at least one study; there are {', '.join(STUDIES)}.")
+    return [STUDIES[name] for name in dict.fromkeys(asked)]
+
+
+def run_studies(
+    studies: Sequence[Study],
+    shapes: Sequence[Shape],
+    out: Path,
+    *,
+    timeout: float | None = 600.0,
+    device: str = "auto",
+    fresh: bool = False,
+    on_row: Callable[[dict[str, Any]], None] | None = None,
+) -> dict[str, list[dict[str, Any]]]:
+    """Rows of each study, by its name.
+
+    Args:
+        studies: of `STUDIES`.
+        shapes: the meshes.
+        out: folder for rows and results.
+        timeout: seconds a fit.
+        device: of the metrics.
+        fresh: compute finished rows again.
+        on_row: called with each row, finished before or not.
+    """
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for number, study in enumerate(studies):
+        methods = tuple(variant.method for variant in study.variants)
+        comparison = Comparison(out, methods, timeout, False, None, device, fresh and number == 0)
+        rows[study.name] = run_comparison(comparison, study.shapes(shapes), on_row)
+    return rows
