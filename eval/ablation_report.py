@@ -71,8 +71,10 @@ def markdown(rows: Mapping[str, Sequence[Row]]) -> str:
         lines += ["## Not finished", ""]
         lines += [f"- {mesh}, `{method}`: {error}" for (mesh, method), error in failed.items()] + [""]
     lines += ["## What the rows are", "", "As `resfit compare --methods` takes them:", ""]
-    labels = {variant.method: variant.label for name in rows for variant in STUDIES[name].variants}
-    lines += [f"- {label}: `{method}`" for method, label in labels.items()]
+    labels: dict[str, list[str]] = {}
+    for variant in (variant for name in rows for variant in STUDIES[name].variants):
+        labels.setdefault(variant.method, []).append(variant.label)
+    lines += [f"- `{method}`: {'; '.join(names)}" for method, names in labels.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -87,7 +89,7 @@ def latex(rows: Mapping[str, Sequence[Row]]) -> str:
 
 
 def common_rows(study: Study, rows: Sequence[Row]) -> list[Row]:
-    """Rows of the closed meshes that every variant finished, in the table's order; the method is the variant's label."""
+    """Rows of closed meshes that every variant finished, in the table's order; the method is the variant's label."""
     done = [row for row in rows if row["status"] == "ok" and row["closed"]]
     labels = {variant.method: variant.label for variant in study.variants}
     order = list(labels)
@@ -127,8 +129,9 @@ def say_all(rows: Mapping[str, Sequence[Row]]) -> str:
 
 def _introduction(rows: Mapping[str, Sequence[Row]]) -> str:
     meshes = list(dict.fromkeys(row["mesh"] for found in rows.values() for row in found))
+    shown = f"{len(meshes)} mesh{'es' if len(meshes) != 1 else ''}"
     return (
-        f"Written by `resfit bench ablation` {version('resfit')} from rows in `{ROWS}`: {len(meshes)} meshes"
+        f"Written by `resfit bench ablation` {version('resfit')} from rows in `{ROWS}`: {shown}"
         f" ({', '.join(meshes)}), one process a fit. IoU and BiSurfIoU (sigma 0.02) in percent; best in bold. Unless a"
         " row says otherwise it is the preset balanced with superfrusta, smooth unions, MSD and Levenberg steps, in two"
         " rounds (a single shot: one). The sentences below the tables are made from the numbers in them."

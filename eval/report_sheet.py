@@ -13,16 +13,21 @@ import warp as wp
 from ..assembly.assembly import Assembly
 from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import palette_color, rgb
+from ..assembly.primitive import Primitive
+from ..assembly.surface import part_surface
 from ..assembly.transform import Transform
 from ..kernels.camera import Camera, frame_bounds
 from ..kernels.launch import choose_device
 from ..kernels.mesh_query import MeshQuery
-from ..kernels.raytrace import CLAY, render_assembly, render_mesh
+from ..kernels.mesh_scene import MeshScene
+from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.primitives import family
+from ..kernels.raytrace import CLAY, render, render_assembly, render_mesh
 from ..kernels.shading import to_linear
 from ..target.load import load_mesh
 from .contact_sheet import COLORS, FAINT, GAP, INK, PAPER
 from .datasets import Shape
-from .prediction import AssemblyPrediction
+from .prediction import rows_in_frame
 from .prediction_files import Source, read_prediction
 from .prediction_parts import PartMesh, joined, turned_outwards
 
@@ -30,6 +35,10 @@ PANEL = (240, 200)
 """Width and height of one picture, in pixels."""
 CAPTION, HEADING = 20, 26
 SAMPLES = 2
+PART_CELLS = 32
+"""Cells along a part's longest side, where parts are meshed to be shown: an edge is as long as a few pixels."""
+RING = (24, 48)
+"""Rings of a superquadric's mesh and points of a ring."""
 MAX_SHAPES = 24
 """More would make a picture that nobody can look at; of more, as many are taken evenly."""
 Z_UP = (".stl", ".3mf", ".off")
@@ -113,10 +122,56 @@ def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.nd
         frame: the target's.
         camera: in its normalised frame.
     """
-    if isinstance(source, Assembly):
-        primitives = AssemblyPrediction(source, frame, "cpu").primitives
-        return render_assembly(primitives, part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
-    return render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
+    if not isinstance(source, Assembly):
+        return render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
+    names = [primitive.family for primitive in source.primitives]
+    if any(family(name).approximate for name in names):
+        # Marching along a field that is only roughly a distance takes ten times as long as showing meshes.
+        return render_parts([_shown(part, source, frame) for part in source.primitives], camera)
+    primitives = PrimitiveSet(rows_in_frame(source, frame), names, choose_device("cpu"))
+    return render_assembly(primitives, part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
+
+
+def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
+    """The surface of a part of an assembly, in the normalised frame."""
+    if part.family == "superquadric":
+        vertices, faces = superquadric_mesh(
+            *(np.ravel(part.parameters[name]) for name in ("size", "exponents"))
+        )
+    else:
+        vertices, faces = part_surface(part, PART_CELLS, "cpu")
+    placed = vertices @ part.pose.matrix().T + np.asarray(part.pose.translation)
+    return PartMesh(frame.to_normalised(assembly.transform.to_mesh(placed)), np.asarray(faces))
+
+
+def superquadric_mesh(size: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) and faces (f, 3) of a superquadric from its two angles, in its local frame.
+
+    Args:
+        size: full extents (3,).
+        exponents: along z and across it (2,).
+    """
+    rings, around = RING
+
+    def power(values: np.ndarray, exponent: float) -> np.ndarray:
+        return np.sign(values) * np.abs(values) ** max(exponent, 0.05)
+
+    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings + 1)[1:-1, None]
+    longitude = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)[None]
+    across = power(np.cos(latitude), exponents[0])
+    x = across * power(np.cos(longitude), exponents[1])
+    y = across * power(np.sin(longitude), exponents[1])
+    z = np.broadcast_to(power(np.sin(latitude), exponents[0]), x.shape)
+    poles = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    vertices = np.concatenate([np.stack([x, y, z], axis=2).reshape(-1, 3), poles]) * (0.5 * size)
+    ring, point = np.meshgrid(np.arange(rings - 2), np.arange(around), indexing="ij")
+    a, b = ring * around + point, ring * around + (point + 1) % around
+    sides = np.stack([a, b, b + around, a, b + around, a + around], axis=2).reshape(-1, 3)
+    here = np.arange(around)
+    there, top, count = (here + 1) % around, (rings - 2) * around, (rings - 1) * around
+    bottoms = np.stack([np.full(around, count), there, here], axis=1)
+    tops = np.stack([np.full(around, count + 1), top + here, top + there], axis=1)
+    return vertices, np.concatenate([sides, bottoms, tops])
 
 
 def part_colors(count: int) -> np.ndarray:
@@ -130,8 +185,10 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     if not parts:
         return render_mesh(np.zeros((0, 3)), np.zeros((0, 3), int), camera, *PANEL)
     vertices, faces = joined(parts)
-    clay = render_mesh(vertices, faces, camera, width, height, samples=1, smooth=False)
     device = choose_device("cpu")
+    # The samples of a pixel share its soft light, though they are pixels here.
+    scene = MeshScene(vertices, faces, CLAY, device, False, SAMPLES * SAMPLES)
+    clay = render(scene, camera, width, height, 1, True)
     origin, direction = pixel_rays(camera, width, height)
     query = MeshQuery(vertices, faces, device)
     begin = wp.array(np.ascontiguousarray(origin, np.float32), dtype=wp.vec3, device=device)
