@@ -2,44 +2,28 @@
 
 Reconstruction: weighted squared error of the occupancies within the mask. Parsimony: the expected number of
 primitives. Quality: space that two primitives hold, and space that only the blends hold. Existence is a Gumbel
-softmax; its noise and temperature fall as the occupancy sharpens.
+softmax; its noise and temperature fall as the occupancy sharpens. The sweep axis may be learned the same way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
-from ..kernels.activation import RAW_BLEND, RAW_DROP, RAW_KEEP, RAW_SHAPE, RAW_TURN, activate_rows
+from ..kernels.activation import RAW_DROP, RAW_KEEP
 from ..kernels.adjoint import differentiable_assembly
 from ..kernels.gradient import evaluate_gradient
-from ..kernels.points import point_blocks
+from ..kernels.points import PointBlocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.primitives import family
-from ..kernels.rows import BLEND, GATE, ROTATION, ROW, SHAPE, SHAPES
+from ..kernels.rows import GATE, ROW
+from .adam_loss import loss_gradients
 from .config import AdamConfig
+from .first_order import Moments, Unbounded, to_raw
 from .objective import ObjectiveSamples
-from .refine import MASK
-
-DECAY = (0.9, 0.99)
-EPSILON = 1e-8
-
-
-def to_raw(rows: np.ndarray, families: Sequence[str]) -> np.ndarray:
-    """Raw numbers (primitive_count, ROW) whose activation is `rows`; gates become confident logits."""
-    raw = np.zeros((len(rows), ROW))
-    raw[:, :3] = rows[:, :3]
-    turns = rows[:, ROTATION : ROTATION + 4][:, [1, 2, 3, 0]]
-    raw[:, RAW_TURN : RAW_TURN + 3] = Rotation.from_quat(turns).as_rotvec()
-    for k, name in enumerate(families):
-        raw[k, RAW_SHAPE : RAW_SHAPE + SHAPE] = family(name).to_raw(rows[k, SHAPES : SHAPES + SHAPE])
-    raw[:, RAW_BLEND] = np.log(np.expm1(np.maximum(rows[:, BLEND], 1e-3)))
-    raw[:, RAW_KEEP] = 1.0
-    raw[:, RAW_DROP] = -1.0
-    return raw.astype(np.float32)
+from .sweep_axis import SweepAxes
 
 
 def refine_with_adam(
@@ -70,41 +54,81 @@ def refine_with_adam(
     if not len(rows):
         return rows
     rng = np.random.default_rng(seed)
-    primitives = PrimitiveSet(rows, families, device, requires_grad=True)
-    bounds = [family(name).fit_range for name in families]
-    low, high = (
-        wp.array(np.stack([pair[side] for pair in bounds]).ravel(), dtype=float, device=device)
-        for side in range(2)
-    )
-    raw = to_raw(rows, families)
-    variable = wp.array(raw.ravel(), dtype=float, device=device, requires_grad=True)
-    momentum, energy = np.zeros_like(raw), np.zeros_like(raw)
+    unbounded = Unbounded(rows, families, device)
+    moments = Moments(unbounded.raw.shape)
+    axes = SweepAxes(families, device) if config.axis == "learned" else None
+    axis_moments = Moments((len(rows), 3))
+    learned_steps = round(config.axis_share * config.steps)
     pool = samples
     for step in range(config.steps):
         if should_stop():
             break
-        progress = step / max(1, config.steps - 1)
-        beta = config.betas[0] * (config.betas[1] / config.betas[0]) ** progress
-        temperature = config.temperatures[0] + (config.temperatures[1] - config.temperatures[0]) * progress
-        noise = rng.gumbel(size=(len(rows), 2)) * (1.0 - progress)
+        if axes and step == learned_steps:
+            _bake(unbounded, axes)
+            axes, moments = None, Moments(unbounded.raw.shape)
+        moment = _Moment.of(step, config, rng, len(rows))
         if measure and (config.noise or config.predicted) and step % config.resample == 0:
-            pool = redraw(samples, primitives, config, progress, measure, rng)
+            pool = redraw(samples, unbounded.primitives, config, moment.progress, measure, rng)
         batch = rng.choice(len(pool.points), min(config.batch, len(pool.points)), replace=False)
-        variable.assign(raw.ravel())
-        gradient = _gradient(primitives, variable, (low, high), noise, temperature, pool, batch, beta, config)
-        momentum = DECAY[0] * momentum + (1 - DECAY[0]) * gradient
-        energy = DECAY[1] * energy + (1 - DECAY[1]) * gradient**2
-        scale = np.sqrt(energy / (1 - DECAY[1] ** (step + 1))) + EPSILON
-        rate = config.rate * (0.5 + 0.5 * np.cos(np.pi * progress))
-        raw = (raw - rate * momentum / (1 - DECAY[0] ** (step + 1)) / scale).astype(np.float32)
-    variable.assign(raw.ravel())
-    activate_rows(variable, low, high, np.zeros((len(rows), 2)), 1.0, primitives, wp.Tape())
-    final = primitives.rows_numpy()
+        blocks = point_blocks(pool.points[batch], device)
+        tape = wp.Tape()
+        unbounded.activate(tape, moment.noise, moment.temperature)
+        if axes:
+            share = 1.0 - step / max(1, learned_steps)
+            noise = share * rng.gumbel(size=(len(rows), 3))
+            rows_grad, axes_grad = axes.gradients(
+                unbounded.primitives.rows_numpy(),
+                noise,
+                moment.temperature,
+                blocks,
+                pool,
+                batch,
+                moment.beta,
+                config,
+            )
+            _backward_rows(unbounded, tape, rows_grad, config)
+            axes.logits += axis_moments.step(axes_grad, moment.rate)
+        else:
+            _backward(unbounded, tape, blocks, pool, batch, moment.beta, config)
+        unbounded.raw += moments.step(unbounded.gradient(tape), moment.rate).astype(np.float32)
+    if axes:
+        _bake(unbounded, axes)
+    final = unbounded.rows()
     kept = final[:, GATE] > 0.5
     if not kept.any():
         kept[np.argmax(final[:, GATE])] = True
     final[:, GATE] = 1.0
     return final[kept]
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """What changes from step to step."""
+
+    progress: float
+    beta: float
+    temperature: float
+    rate: float
+    noise: np.ndarray
+    """(primitive_count, 2), of the existence logits."""
+
+    @classmethod
+    def of(cls, step: int, config: AdamConfig, rng: np.random.Generator, count: int) -> _Moment:
+        progress = step / max(1, config.steps - 1)
+        return cls(
+            progress,
+            config.betas[0] * (config.betas[1] / config.betas[0]) ** progress,
+            config.temperatures[0] + (config.temperatures[1] - config.temperatures[0]) * progress,
+            config.rate * (0.5 + 0.5 * np.cos(np.pi * progress)),
+            rng.gumbel(size=(count, 2)) * (1.0 - progress),
+        )
+
+
+def _bake(unbounded: Unbounded, axes: SweepAxes) -> None:
+    """Make the likeliest sweep axis of each primitive its own; existence stays as it is."""
+    logits = unbounded.raw[:, [RAW_KEEP, RAW_DROP]]
+    unbounded.raw = to_raw(axes.baked(unbounded.rows()), unbounded.families)
+    unbounded.raw[:, [RAW_KEEP, RAW_DROP]] = logits
 
 
 def redraw(
@@ -139,27 +163,22 @@ def redraw(
     return ObjectiveSamples(points, measure(points).astype(np.float32), samples.weight, samples.near_count)
 
 
-def _gradient(
-    primitives: PrimitiveSet,
-    variable: wp.array,
-    bounds: tuple[wp.array, wp.array],
-    noise: np.ndarray,
-    temperature: float,
+def _backward(
+    unbounded: Unbounded,
+    tape: wp.Tape,
+    blocks: PointBlocks,
     samples: ObjectiveSamples,
     batch: np.ndarray,
     beta: float,
     config: AdamConfig,
-) -> np.ndarray:
-    """Gradient (primitive_count, ROW) of the loss on a batch with respect to the raw numbers."""
-    tape = wp.Tape()
-    activate_rows(variable, *bounds, noise, temperature, primitives, tape)
-    blocks = point_blocks(samples.points[batch], primitives.device)
+) -> None:
+    """Take the loss on a batch of the samples, whose points are `blocks`, back to the raw numbers on the tape."""
+    primitives = unbounded.primitives
     field, values = differentiable_assembly(primitives, blocks, tape)
-    gates = primitives.gates
-    field_grad, values_grad = _loss_gradients(
+    field_grad, values_grad = loss_gradients(
         field.numpy()[: blocks.count],
         values.numpy().reshape(len(primitives), -1)[:, : blocks.count],
-        gates,
+        primitives.gates,
         samples.distance[batch],
         samples.weight[batch],
         beta,
@@ -175,38 +194,11 @@ def _gradient(
         return wp.array(padded.ravel().astype(np.float32), dtype=float, device=primitives.device)
 
     tape.backward(grads={field: device_array(field_grad), values: device_array(values_grad)})
-    gradient = variable.grad.numpy().reshape(-1, ROW).copy()
-    tape.zero()
-    return gradient
 
 
-def _loss_gradients(
-    field: np.ndarray,
-    values: np.ndarray,
-    gates: np.ndarray,
-    distance: np.ndarray,
-    weight: np.ndarray,
-    beta: float,
-    config: AdamConfig,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the loss to the union (n,) and to each gated distance (primitive_count, n).
-
-    Quality: max(0, sum o_i - 1) is space held twice; max(0, o - min(sum o_i, 1)) is space only the blends hold.
-    """
-
-    def occupancy(f: np.ndarray) -> np.ndarray:
-        return 1.0 / (1.0 + np.exp(np.clip(beta * f, -40.0, 40.0)))
-
-    mask = (field < MASK) | (distance < MASK)
-    count = max(1, int(mask.sum()))
-    union = occupancy(field)
-    slope = -beta * union * (1 - union)
-    field_grad = mask * weight * 2.0 * (union - occupancy(distance)) * slope / count
-    each = occupancy(gates[:, None] * values + (1.0 - gates[:, None]))
-    total = each.sum(0)
-    excess = (total > 1.0).astype(np.float32)
-    blended = ((union > np.minimum(total, 1.0)) & (total < 1.0)).astype(np.float32)
-    share = config.quality_weight * mask / count
-    field_grad += share * (union > np.minimum(total, 1.0)) * slope
-    values_grad = share * (excess - blended) * (-beta * each * (1 - each))
-    return field_grad, values_grad
+def _backward_rows(unbounded: Unbounded, tape: wp.Tape, rows_grad: np.ndarray, config: AdamConfig) -> None:
+    """Take a gradient to the rows (primitive_count, ROW), and the parsimony, back to the raw numbers on the tape."""
+    rows = unbounded.primitives.rows
+    rows_grad[:, GATE] += config.count_weight
+    given = wp.array(rows_grad.ravel().astype(np.float32), dtype=float, device=rows.device)
+    tape.backward(grads={rows: given})

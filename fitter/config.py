@@ -71,6 +71,10 @@ class AdamConfig:
     """Share of the points drawn near the predicted surface instead, 0 to 1: false volume far from the target shows."""
     resample: int = 25
     """Steps between draws of noisy and predicted points, whose distances are measured anew."""
+    axis: Literal["fixed", "learned"] = "fixed"
+    """Whether the sweep axis is the seed's, or learned among the seed's three."""
+    axis_share: float = 0.5
+    """Share of the steps after which a learned axis is settled."""
 
 
 PRESETS: dict[str, dict[str, Any]] = {
