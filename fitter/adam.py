@@ -187,6 +187,7 @@ def _backward(
     padding = blocks.x.shape[0] - blocks.count
     rows_grad = np.zeros((len(primitives), ROW), np.float32)
     rows_grad[:, GATE] = config.count_weight
+    assert primitives.rows.grad is not None
     primitives.rows.grad.assign(rows_grad.ravel())
 
     def device_array(array: np.ndarray) -> wp.array:

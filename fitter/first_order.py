@@ -71,6 +71,7 @@ class Unbounded:
 
     def gradient(self, tape: wp.Tape) -> np.ndarray:
         """Gradient (primitive_count, ROW) to `raw` after `tape.backward`; the tape's gradients are zero afterwards."""
+        assert self._variable.grad is not None
         gradient = self._variable.grad.numpy().reshape(-1, ROW).copy()
         tape.zero()
         return gradient
