@@ -18,6 +18,7 @@ class Status(enum.Enum):
     MAX_PRIMITIVES = "the allowed number of primitives is reached"
     TARGET_IOU = "the wanted IoU is reached"
     TOLERANCE = "the wanted surface tolerance is reached"
+    MOVED = "the parts were moved to lessen the Chamfer distance"
     TIMEOUT = "the time is up; this is the best so far"
     INTERRUPTED = "interrupted; this is the best so far"
 

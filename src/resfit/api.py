@@ -16,7 +16,9 @@ from resfit.clock import Clock
 from resfit.errors import InputError
 from resfit.eval.evaluate import Align
 from resfit.eval.evaluate import evaluate as evaluate_prediction
+from resfit.eval.prediction import rows_in_frame
 from resfit.export.by_suffix import export_assembly as export
+from resfit.fitter.chamfer import move_assembly
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.loop import Progress, fit_target
 from resfit.kernels import launch
@@ -62,6 +64,7 @@ def fit(
     preset: str | None = None,
     should_stop: Callable[[], bool] | None = None,
     init: Assembly | str | os.PathLike[str] | None = None,
+    objective: Literal["volume", "chamfer"] | None = None,
     clock: Clock | None = None,
     **options: Unpack[FitOptions],
 ) -> FitResult:
@@ -74,6 +77,8 @@ def fit(
         preset: fast, balanced (unless told otherwise) or best.
         should_stop: asked often; once True, the best so far is returned.
         init: an assembly to start from, a path of one, or the folder of a fit.
+        objective: volume, unless given: rounds of fitting. chamfer only moves the parts of `init`, which may be of any
+            families, to lessen the Chamfer distance between the surfaces.
         clock: what `cpu_s` and `wall_s` count from; this call, unless given.
         options: fields of the configuration to change.
 
@@ -83,6 +88,7 @@ def fit(
     clock = clock or Clock.now()
     config = make_config(config, preset, dict(options))
     start = None if init is None else load_init(init)
+    check_objective(objective, start)
     begin, compiled = Clock.now(), launch.compile_seconds
     device = launch.choose_device(config.device)
     timings = {"start": clock.wall_s}
@@ -92,6 +98,10 @@ def fit(
     if config.timeout:
         # It counts from the call, not from the first round; once it is over, not even one is begun.
         limited = replace(config, timeout=max(1e-9, config.timeout - begin.wall_s))
+    if start is not None and objective == "chamfer":
+        return move_parts(
+            start, target, config, limited.timeout, mesh_or_path, tell, should_stop, clock, timings
+        )
     outcome = fit_target(
         target,
         limited,
@@ -137,6 +147,62 @@ def evaluate(
     """
     prediction = getattr(prediction, "assembly", prediction)
     return evaluate_prediction(prediction, target, align=align, emd=emd, features=features, device=device)
+
+
+def check_objective(objective: str | None, start: Assembly | None) -> None:
+    """Refuse an objective that does not exist, or lacks the assembly that it needs.
+
+    Raises:
+        InputError: if so.
+    """
+    if objective not in (None, "volume", "chamfer"):
+        raise InputError(f"--objective {objective}: there is no such objective; choose volume or chamfer.")
+    if objective == "chamfer" and (start is None or not start.primitives):
+        raise InputError(
+            "--objective chamfer moves the parts of an assembly; give one that has parts with --init."
+        )
+
+
+def move_parts(
+    start: Assembly,
+    target: Target,
+    config: FitConfig,
+    timeout: float,
+    source: Any,
+    tell: Callable[[Progress], None],
+    should_stop: Callable[[], bool] | None,
+    clock: Clock,
+    timings: dict[str, float],
+) -> FitResult:
+    """The result of `fit` with the objective chamfer; its `objective` has the distance before and after."""
+    families = [part.family for part in start.primitives]
+    rows, compiled = rows_in_frame(start, target.transform), launch.compile_seconds
+
+    def show(share: float) -> None:
+        tell(_later(Progress("chamfer", 1, 1, len(rows), 0.0, 0.0, share)))
+
+    outcome, moved = move_assembly(
+        target,
+        rows,
+        families,
+        launch.choose_device(config.device),
+        config.parsimony,
+        timeout,
+        should_stop or (lambda: False),
+        show,
+    )
+    timings |= outcome.timings | {"compile": launch.compile_seconds - compiled}
+    name = source if isinstance(source, str | os.PathLike) else None
+    result = measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
+    options = {**result.options, "objective": "chamfer"}
+    parts = tuple(
+        replace(part, name=old.name, color=old.color)
+        for part, old in zip(result.assembly.primitives, start.primitives, strict=True)
+    )
+    provenance = replace(result.assembly.provenance, options=options)
+    assembly = replace(result.assembly, primitives=parts, provenance=provenance)
+    distances = {"chamfer_before": moved.before, "chamfer": moved.after} if np.isfinite(moved.before) else {}
+    return replace(result, assembly=assembly, objective=result.objective | distances, options=options)
 
 
 def make_config(config: FitConfig | None, preset: str | None, options: dict[str, Any]) -> FitConfig:

@@ -38,6 +38,7 @@ def fit(
     primitive: Annotated[str | None, Parameter(group=MORE)] = None,
     union: Annotated[Literal["smooth", "hard"] | None, Parameter(group=MORE)] = None,
     init: Annotated[Path | None, Parameter(group=MORE)] = None,
+    objective: Annotated[Literal["volume", "chamfer"] | None, Parameter(group=MORE)] = None,
     decompose: Annotated[Literal["msd", "coacd"] | None, Parameter(group=MORE)] = None,
     optimizer: Annotated[Literal["levenberg", "adam"] | None, Parameter(group=MORE)] = None,
     parsimony: Annotated[float | None, Parameter(group=MORE)] = None,
@@ -61,6 +62,8 @@ def fit(
         primitive: family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.
         union: whether parts may run into each other smoothly; smooth unless given.
         init: assembly.json, or the folder of an earlier fit, to start from.
+        objective: rounds of fitting to the volume (volume, unless given), or only the parts of --init moved to lessen
+            the Chamfer distance between the surfaces (chamfer).
         decompose: how to cut what is unexplained: by thickness (msd, unless given) or into convex pieces (coacd).
         optimizer: second-order steps (levenberg, unless given) or the paper's Adam (adam), which is slower.
         parsimony: what a part must add to the objective to be worth having; 0.0025 unless given.
@@ -78,6 +81,7 @@ def fit(
         "primitive": primitive,
         "union": union,
         "init": init,
+        "objective": objective,
         "decompose": decompose,
         "optimizer": optimizer,
         "parsimony": parsimony,
@@ -164,6 +168,17 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
         f"  input    {result.input.sentence}",
         *(f"           {note}" for note in result.input.notes),
         f"  stopped  {stopped}",
+        *chamfer_line(result),
         f"  written  {folder}/ {' '.join(name for name in OURS if (folder / name).exists())}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def chamfer_line(result: FitResult) -> list[str]:
+    """The Chamfer distance before and after, where parts were moved to lessen it; else nothing."""
+    if "chamfer" not in result.objective:
+        return []
+    before, after = result.objective["chamfer_before"], result.objective["chamfer"]
+    return [
+        f"  chamfer  {before:.4g} before, {after:.4g} now (100 x mean squared distance; longest side 1.8)"
+    ]
