@@ -20,24 +20,25 @@ COLORS = 256
 """Of the whole picture: a palette makes the file a third as large, and shading still looks smooth."""
 
 
-def draw_sheet(rows: Sequence[dict[str, Any]], work: Path, path: Path) -> None:
+def draw_sheet(rows: Sequence[dict[str, Any]], work: Path, path: Path, columns: int = COLUMNS) -> None:
     """Write the contact sheet.
 
     Args:
         rows: of `results.run_all`.
         work: folder with the fits' folders, MESH.resfit each.
         path: the PNG file.
+        columns: fits side by side.
     """
     from PIL import Image, ImageDraw
 
-    lines = -(-len(rows) // COLUMNS)
-    columns = min(COLUMNS, len(rows))
+    columns = min(columns, len(rows))
+    lines = -(-len(rows) // columns)
     width, height = columns * (PANEL[0] + GAP) + GAP, lines * (PANEL[1] + CAPTION + GAP) + GAP
     sheet = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(sheet)
     for index, row in enumerate(rows):
-        left = GAP + (index % COLUMNS) * (PANEL[0] + GAP)
-        top = GAP + (index // COLUMNS) * (PANEL[1] + CAPTION + GAP)
+        left = GAP + (index % columns) * (PANEL[0] + GAP)
+        top = GAP + (index // columns) * (PANEL[1] + CAPTION + GAP)
         _draw_fit(sheet, draw, row, work / f"{row['mesh']}.resfit" / "preview.png", left, top)
     buffer = BytesIO()
     quantized = sheet.quantize(COLORS, dither=Image.Dither.NONE)

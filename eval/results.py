@@ -1,4 +1,4 @@
-"""The table and the contact sheet of fits in docs/: one process each for all meshes of some folders.
+"""The table and the contact sheets of fits in docs/: one process each for all meshes of some folders.
 
     python -m resfit.eval.results [FOLDER...] [--out docs] [--preset balanced] [--work out/results] [--fresh]
 
@@ -21,7 +21,7 @@ from typing import Any
 
 from ..assembly.transform import NORMALISED_SIDE
 from .contact_sheet import draw_sheet
-from .results_table import write_table
+from .results_table import worst_rows, write_table
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".3mf")
 
@@ -30,12 +30,14 @@ GRACE_SECONDS = 60.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit everything, write results.md and results.png; returns 3 if a mesh ended in a defect or crash, else 0."""
+    """Fit everything and write the table and two pictures; returns 3 if a mesh ended in a defect or crash, else 0."""
     parser = argparse.ArgumentParser(prog="python -m resfit.eval.results", description=__doc__)
     parser.add_argument(
         "folders", nargs="*", type=Path, help="folders of meshes; the bundled ones unless given"
     )
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="where results.md and results.png go")
+    parser.add_argument(
+        "--out", type=Path, default=Path("docs"), help="where results.md, results.png and worst.png go"
+    )
     parser.add_argument("--work", type=Path, default=Path("out/results"), help="where the fits go")
     parser.add_argument("--preset", default="balanced")
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds a mesh")
@@ -49,6 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     write_table(rows, options.out / "results.md", options.preset)
     draw_sheet(rows, options.work / options.preset, options.out / "results.png")
+    worst = worst_rows(rows)
+    if worst:
+        draw_sheet(worst, options.work / options.preset, options.out / "worst.png", columns=2)
     return 3 if any(row["exit_code"] not in (0, 2, 4) for row in rows) else 0
 
 

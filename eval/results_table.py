@@ -10,8 +10,8 @@ from typing import Any
 
 from ..assembly.atomic_write import write_bytes
 
-WORST = 5
-"""Meshes named as the worst."""
+WORST, WORST_OPEN = 5, 3
+"""Closed and open meshes that are named and shown as the worst."""
 
 COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("IoU", "iou", ".3f"),
@@ -39,7 +39,7 @@ def write_table(rows: Sequence[dict[str, Any]], path: Path, preset: str) -> None
     lines = ["# Fits", "", _introduction(rows, preset), ""]
     if closed:
         lines += [*_summary(closed), ""]
-    lines += ["## Closed meshes", "", *_table(closed), ""]
+    lines += [*_worst_section(rows), "## Closed meshes", "", *_table(closed), ""]
     lines += [
         "## Open meshes",
         "",
@@ -57,6 +57,33 @@ def write_table(rows: Sequence[dict[str, Any]], path: Path, preset: str) -> None
     write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
+def worst_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The closed meshes of the lowest IoU, then the open ones of the largest distance, each from the worst."""
+    fitted = [row for row in rows if "error" not in row]
+    closed = sorted((row for row in fitted if row["closed"]), key=lambda row: row["iou"])
+    left_open = [row for row in fitted if not row["closed"]]
+    # One without a surface has no distance: nothing is worse.
+    left_open.sort(key=lambda row: -float("inf") if row["deviation"] is None else -row["deviation"])
+    return closed[:WORST] + left_open[:WORST_OPEN]
+
+
+def _worst_section(rows: Sequence[dict[str, Any]]) -> list[str]:
+    found = worst_rows(rows)
+    if not found:
+        return []
+    lines = ["## The worst", "", "![each input beside its fit](worst.png)", ""]
+    for row in found:
+        distance = (
+            "no surface" if row["deviation"] is None else f"95 % within {row['deviation']:.2%} of the size"
+        )
+        figures = (
+            [f"IoU {row['iou']:.3f}", distance] if row["closed"] else [distance, f"IoU {row['iou']:.3f}"]
+        )
+        shown = ", ".join([*figures, f"{row['primitive_count']} parts"])
+        lines.append(f"- {row['mesh']} ({'closed' if row['closed'] else 'open'}): {shown}; {row['status']}.")
+    return [*lines, ""]
+
+
 def _introduction(rows: Sequence[dict[str, Any]], preset: str) -> str:
     machines = sorted(
         {f"{row['machine']['device']}, {row['machine']['cores']} cores" for row in rows if "machine" in row}
@@ -64,7 +91,7 @@ def _introduction(rows: Sequence[dict[str, Any]], preset: str) -> str:
     return (
         f"Written by `python -m resfit.eval.results` (`make results`): {len(rows)} meshes, preset {preset}, resfit"
         f" {version('resfit')}, {' and '.join(machines) or 'no machine'}. Seconds are those of whole processes with"
-        " compiled kernels; the size of a mesh is its longest side. The picture is [results.png](results.png)."
+        " compiled kernels; the size of a mesh is its longest side. All pictures: [results.png](results.png)."
     )
 
 
@@ -72,16 +99,13 @@ def _summary(closed: Sequence[dict[str, Any]]) -> list[str]:
     def mean(key: str) -> float:
         return fmean(row[key] for row in closed)
 
-    worst = sorted(closed, key=lambda row: row["iou"])[:WORST]
-    names = ", ".join(f"{row['mesh']} ({row['iou']:.3f})" for row in worst)
+    lowest = min(row["iou"] for row in closed)
     middle = median(row["iou"] for row in closed)
     return [
         f"**Closed meshes ({len(closed)}):** mean IoU {mean('iou'):.3f}, median {middle:.3f}, worst"
-        f" {worst[0]['iou']:.3f}; {mean('primitive_count'):.1f} parts, overlap {mean('overlap'):.3f}, unoverlap"
+        f" {lowest:.3f}; {mean('primitive_count'):.1f} parts, overlap {mean('overlap'):.3f}, unoverlap"
         f" {mean('unoverlap'):.3f}; {mean('cpu_s'):.1f} CPU s, {mean('wall_s'):.1f} s,"
-        f" {max(row['peak_mb'] for row in closed):.0f} MB at most.",
-        "",
-        f"Worst: {names}.",
+        f" {max(row['peak_mb'] for row in closed):.0f} MB at most."
     ]
 
 

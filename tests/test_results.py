@@ -45,7 +45,14 @@ def test_table(tmp_path: Path) -> None:
     write_table(rows, tmp_path / "results.md", "fast")
     text = (tmp_path / "results.md").read_text()
     assert "**Closed meshes (2):** mean IoU 0.700, median 0.700, worst 0.500" in text
-    assert "Worst: a.stl (0.500), b.stl (0.900)." in text
+    shown = text.partition("## The worst")[2].partition("## Closed")[0]
+    assert "![each input beside its fit](worst.png)" in shown
+    assert (
+        shown.index("- a.stl (closed): IoU 0.500")
+        < shown.index("- b.stl")
+        < shown.index("- open.ply (open):")
+    )
+    assert "- open.ply (open): no surface, IoU 0.100, 3 parts; done." in shown
     assert "| open.ply | 12 | 0.100 | - | 3 |" in text
     assert "- c.obj: exit code 2, it is empty." in text
     assert "- open.ply: Open. Points left out." in text
