@@ -37,6 +37,12 @@ LEAST_PARTS, MOST_SHARE = 3, 0.8
 LARGE_SHARE = 0.05
 """Parts with a larger share of the whole are fitted like a mesh of their own; smaller ones with less work."""
 
+MAIN_SHARE = 0.4
+"""Only a part with a larger share gets all rounds and all regions."""
+
+LEAST_REGIONS = 12
+"""Regions tried in a round for the smallest parts."""
+
 MOST_ALPHA = 0.15
 """Price of a primitive in the smallest parts: one is always worth it, a second one only where it is plain to see."""
 
@@ -169,8 +175,15 @@ def fit_piece(
         tolerance=0.0,
         timeout=0.0,
     )
-    if small:
-        own = replace(own, rounds=min(2, config.rounds), excursions=0)
+    if piece.share < MAIN_SHARE:
+        work = min(1.0, 2.0 * piece.share)
+        propose = replace(
+            config.propose,
+            regions=max(LEAST_REGIONS, round(work * config.propose.regions)),
+            splits=round(work * config.propose.splits),
+            merges=round(work * config.propose.merges),
+        )
+        own = replace(own, propose=propose, rounds=min(2 if small else 5, config.rounds), excursions=0)
     resolution = SMALL_RESOLUTION if small else config.resolution
     target = piece_target(piece, whole, device, resolution, own.samples, config.seed)
     frame = target.transform

@@ -7,6 +7,7 @@ mirrored and copied parts are equal to the last bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -96,10 +97,18 @@ def move_rows(rows: np.ndarray, turn: np.ndarray, centre: np.ndarray, shift: np.
     place = slice(TRANSLATION, TRANSLATION + 3)
     moved[:, place] = (moved[:, place] - centre) @ turn.T + centre + shift
     quaternions = moved[:, ROTATION : ROTATION + 4]
-    mirrored = np.linalg.det(turn) < 0
-    turned = multiply(quaternion_of(-turn if mirrored else turn), quaternions)
+    quaternion, mirrored = _turn(np.ascontiguousarray(turn, np.float64).tobytes())
+    turned = multiply(quaternion, quaternions)
     if mirrored:
         turned = multiply(turned, HALF_TURN_Y)
     for row, quaternion in enumerate(turned):
         moved[row, ROTATION : ROTATION + 4] = canonical_sign(quaternion)
     return moved.astype(np.float32)
+
+
+@lru_cache(maxsize=1024)
+def _turn(matrix: bytes) -> tuple[np.ndarray, bool]:
+    """The quaternion of an orthogonal matrix, its sign changed where it mirrors, and whether it does."""
+    turn = np.frombuffer(matrix).reshape(3, 3)
+    mirrored = bool(np.linalg.det(turn) < 0)
+    return quaternion_of(-turn if mirrored else turn), mirrored

@@ -53,6 +53,9 @@ def sum_up(relations: Sequence[Relation]) -> str:
         if count:
             singular = {"copies": "copy", "axes": "axis"}.get(plural, plural.removesuffix("s"))
             clauses.append(f"{count} {plural if count > 1 else singular}")
-    clauses += [str(relation.value["name"]) for relation in relations if relation.kind == "symmetry"]
+    for relation in relations:
+        if relation.kind == "symmetry":
+            some = "" if relation.value["complete"] else f" of {len(relation.parts)} parts"
+            clauses.append(f"{relation.value['name']}{some}")
     total = len(relations)
     return f"{total} relation{'s' if total > 1 else ''}: {', '.join(clauses)}"

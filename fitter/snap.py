@@ -1,7 +1,7 @@
 """Regularity that editors want, as far as the objective allows: symmetry, canonical shapes, axes, sizes, centres.
 
 The target says what is symmetric; the rest follows from the parts. Each relation is tried, and kept if the objective
-falls by no more than `draft.FALL`; all together may cost `draft.WHOLE_FALL`. In between all parts are refined
+falls by no more than `draft.FALLS`; all together may cost `draft.WHOLE_FALL`. In between all parts are refined
 together and made regular again. The order of the primitives stays; parts that symmetry adds come last.
 """
 
@@ -9,24 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import warp as wp
 
+from ..kernels.rows import SHAPES
 from ..target.target import Target
 from .canonical import canonical_changes
 from .config import FitConfig
-from .draft import Change, Draft
+from .draft import FALLS, Change, Claim, Draft
 from .judge import Judge
 from .refine import refine
 from .relations import Relation
 from .snap_axes import snap_axes
 from .snap_lengths import snap_centres, snap_sizes
-from .symmetric_layout import Layout, add_missing, lay_out, motions_of
+from .symmetric_layout import Layout, copy_across, lay_out, motions_of, resolved, without_idle
 from .symmetry import Symmetry, find_symmetries
 from .ties import Copied, Ties
 
-SYMMETRY_FALL = 5e-3
+SYMMETRY_FALL = 6e-3
 """Most that the objective may fall for symmetry, which is many relations at once."""
 
 REFINE_STEPS = 10
@@ -60,51 +62,66 @@ def snap(
         return rows, []
     judge = Judge(target, config, device)
     draft = Draft(rows, judge, Ties(tuple(copies)))
-    stages: list[Callable[[Draft], None]] = [
-        lambda draft: _symmetries(draft, find_symmetries(target), config),
-        lambda draft: _refine(draft, config, device),
-        _canonical,
-        snap_axes,
-        snap_sizes,
-        snap_centres,
-        lambda draft: _refine(draft, config, device),
-        # Turned boxes that now stand straight, and what refinement brought nearer.
-        _canonical,
-        snap_sizes,
-        snap_centres,
-        lambda draft: _refine(draft, config, device),
-    ]
-    for stage in stages:
-        if should_stop():
-            break
-        stage(draft)
-    return draft.rows, _sorted(draft.relations)
+    _symmetries(draft, find_symmetries(target), config, device)
+    for fall in FALLS:
+        draft.fall = fall
+        for stage in (_canonical, snap_axes, _canonical, snap_sizes, snap_centres):
+            if should_stop():
+                return draft.rows, draft.relations()
+            stage(draft)
+        _refine(draft, config, device)
+    return draft.rows, draft.relations()
 
 
-def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig) -> None:
-    """Tie the parts by as much of the target's symmetry as the objective allows."""
-    planes = [entry for entry in found if entry.order == 1]
+def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: wp.Device) -> None:
+    """Tie the parts by as much of the target's symmetry as the objective allows: the largest group that it does."""
+    across = _orthogonal([entry for entry in found if entry.order == 1])
     spins = [entry for entry in found if entry.order > 2][:1]
-    across = _orthogonal(planes)
     choices = [across + spins, across, spins, *([plane] for plane in across)]
-    fixed = {index for copy in draft.ties.copies for index in (copy.source, copy.index)}
-    best: tuple[float, Layout, list[Symmetry]] | None = None
+    seen: list[list[str]] = []
     for choice in choices:
-        motions = motions_of(choice)
-        if not motions or (best is not None and len(choice) < len(best[2])):
+        names = sorted(entry.name for entry in choice)
+        if not choice or names in seen or not motions_of(choice):
             continue
-        layout = _completed(lay_out(draft.rows, motions, draft.judge, fixed), draft, config.max_primitives)
-        objective = draft.judge.objective(layout.rows)
-        tied = bool(layout.ties.copies or layout.ties.astride)
-        if tied and objective >= draft.objective - SYMMETRY_FALL and (best is None or objective > best[0]):
-            best = (objective, layout, choice)
-    if best is None:
+        seen.append(names)
+        trials = [
+            _settled(layout, draft, config, device)
+            for layout in _layouts(draft, choice, config.max_primitives)
+        ]
+        best = max(trials, key=lambda trial: trial.objective, default=None)
+        if best is None or best.objective < draft.objective - SYMMETRY_FALL:
+            continue
+        parts = {index for copy in best.ties.copies for index in (copy.index, copy.source)}
+        parts |= set(best.ties.astride)
+        claims = [_claim(entry, tuple(sorted(parts)), len(best.rows)) for entry in choice]
+        draft.restart(best.rows, best.ties, claims)
         return
-    _, layout, choice = best
-    ties = layout.ties
-    parts = {copy.index for copy in ties.copies} | {copy.source for copy in ties.copies} | set(ties.astride)
-    relations = [Relation("symmetry", tuple(sorted(parts)), entry.describe()) for entry in choice]
-    draft.restart(layout.rows, Ties((*draft.ties.copies, *ties.copies), ties.astride), relations)
+
+
+def _layouts(draft: Draft, choice: list[Symmetry], most: int) -> list[Layout]:
+    """Parts matched with one another, and for planes each side copied onto the other."""
+    fixed = {index for copy in draft.ties.copies for index in (copy.source, copy.index)}
+    layouts = [_completed(lay_out(draft.rows, motions_of(choice), draft.judge, fixed), draft, most)]
+    # Copies of parts keep their place in the list only where none is taken out.
+    if all(entry.order == 1 for entry in choice) and not fixed:
+        for sides in product((1.0, -1.0), repeat=len(choice)):
+            layout = copy_across(draft.rows, choice, sides, draft.judge, fixed, most)
+            if layout is not None:
+                layouts.append(without_idle(layout, draft.judge))
+    return [layout for layout in layouts if layout.ties.copies or layout.ties.astride]
+
+
+def _settled(layout: Layout, draft: Draft, config: FitConfig, device: wp.Device) -> Draft:
+    """A draft of a layout, refined."""
+    ties = Ties((*draft.ties.copies, *layout.ties.copies), layout.ties.astride)
+    trial = Draft(layout.rows, draft.judge, ties)
+    _refine(trial, config, device)
+    return trial
+
+
+def _claim(symmetry: Symmetry, parts: tuple[int, ...], count: int) -> Claim:
+    value = {**symmetry.describe(), "complete": len(parts) == count}
+    return Claim("symmetry", parts, symmetry.name, lambda rows: value)
 
 
 def _orthogonal(planes: list[Symmetry]) -> list[Symmetry]:
@@ -117,42 +134,38 @@ def _orthogonal(planes: list[Symmetry]) -> list[Symmetry]:
 
 
 def _completed(layout: Layout, draft: Draft, most: int) -> Layout:
-    """The layout with the missing partners that pay for themselves, or nearly."""
+    """The layout with parts that have no partner given one, or gone, where that costs next to nothing."""
     judge = draft.judge
     objective = judge.objective(layout.rows)
-    for _ in range(len(layout.alone)):
-        better = None
-        for candidate in add_missing(layout, judge, most):
-            found = judge.objective(candidate.rows)
-            if found > objective - 1e-3 and (better is None or found > better[0]):
-                better = (found, candidate)
-        if better is None:
+    while layout.alone:
+        candidates = [candidate for candidate in resolved(layout, judge, most) if len(candidate.rows)]
+        scores = [judge.objective(candidate.rows) for candidate in candidates]
+        if not scores or max(scores) < objective - FALLS[-1]:
             break
-        objective, layout = better
+        best = int(np.argmax(scores))
+        objective, layout = scores[best], candidates[best]
     return layout
 
 
 def _canonical(draft: Draft) -> None:
     """Canonical parameters, part by part."""
     for index in draft.free():
-        made: dict[str, float] = {}
         tried: set[str] = set()
         while True:
-            changes = canonical_changes(draft.rows[index], draft.families[index])
-            fresh = [entry for entry in changes if entry[0] not in tried]
+            name = draft.families[index]
+            fresh = [entry for entry in canonical_changes(draft.rows[index], name) if entry[0] not in tried]
             if not fresh:
                 break
             parameter, value, _ = fresh[0]
             tried.add(parameter)
-            if draft.attempt(_one_change(index, draft.families[index], parameter), None, CANONICAL_FALL):
-                made[parameter] = value
-        if made:
             parts = tuple(draft.ties.followers(index))
-            draft.relations.append(Relation("canonical", parts, made))
+            claim = Claim("canonical", parts, parameter, _canonical_value(index, parameter, value))
+            draft.attempt(_one_change(index, name, parameter), claim)
 
 
-CANONICAL_FALL = 5e-4
-"""Most that the objective may fall for one parameter of one part."""
+def _canonical_value(index: int, parameter: str, value: float) -> Callable[[np.ndarray], float]:
+    """The value of a parameter, which stays; for a square profile, its side, which may not."""
+    return lambda rows: float(rows[index, SHAPES]) if parameter == "square" else value
 
 
 def _one_change(index: int, name: str, parameter: str) -> Change:
@@ -174,15 +187,3 @@ def _refine(draft: Draft, config: FitConfig, device: wp.Device) -> None:
         moved = refine(draft.rows, draft.families, draft.judge.samples, steps, device)
         if not draft.adopt(moved):
             break
-
-
-def _sorted(relations: list[Relation]) -> list[Relation]:
-    """Symmetry first, then by kind and parts; what was said twice of the same parts is one."""
-    merged: dict[tuple, Relation] = {}
-    for relation in relations:
-        key = (relation.kind, relation.parts, relation.kind not in ("canonical",) and str(relation.value))
-        if key in merged and relation.kind == "canonical":
-            relation = replace(relation, value={**merged[key].value, **relation.value})
-        merged[key] = relation
-    order = ("symmetry", "copy", "canonical", "axis", "size", "centre")
-    return sorted(merged.values(), key=lambda relation: (order.index(relation.kind), relation.parts))

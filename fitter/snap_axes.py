@@ -8,9 +8,8 @@ import numpy as np
 
 from ..kernels.rows import ROTATION, SHAPES
 from .canonical import is_box, is_prism, is_round, is_straight
-from .draft import Change, Draft
+from .draft import Change, Claim, Draft
 from .placement import matrix_of, multiply, quaternion_of
-from .relations import Relation
 from .ties import tidy, turn_between
 
 NEAR = np.radians(8.0)
@@ -53,8 +52,8 @@ def _to_mesh(draft: Draft, index: int) -> bool:
     nearest = max(ROTATIONS, key=lambda quaternion: abs(float(quaternion @ own)))
     angle = 2.0 * np.arccos(min(1.0, abs(float(nearest @ own))))
     if angle < NEAR:
-        relation = Relation("axis", family, "along the mesh's axes")
-        if draft.attempt(_box_as_it_stands(index, nearest, name), relation):
+        claim = _said("axis", family, "along the mesh's axes")
+        if draft.attempt(_box_as_it_stands(index, nearest, name), claim):
             return True
     matrix = matrix_of(own)
     # Of a body of revolution only the sweep counts.
@@ -70,7 +69,7 @@ def _to_mesh(draft: Draft, index: int) -> bool:
                 key=lambda q: (abs(float(q @ own)), tuple(q)),
             )
         value = {"axis": "xyz"[axis], "along": "xyz"[world]}
-        if draft.attempt(_set_rotation(index, turned), Relation("axis", family, value)):
+        if draft.attempt(_set_rotation(index, turned), _said("axis", family, value)):
             return True
     return False
 
@@ -102,7 +101,7 @@ def _to_other(draft: Draft, index: int, other: int) -> bool:
     )
     if 2.0 * np.arccos(min(1.0, abs(float(nearest @ own)))) < NEAR:
         turn = tidy(nearest)
-        if draft.attempt(_set_rotation(index, turn), Relation("axis", parts, "parallel axes")):
+        if draft.attempt(_set_rotation(index, turn), _said("axis", parts, "parallel axes")):
             return True
     a, b = matrix_of(own)[:, 2], matrix_of(theirs)[:, 2]
     either = is_straight(draft.rows[index], name) and is_prism(draft.rows[index], name)
@@ -111,4 +110,9 @@ def _to_other(draft: Draft, index: int, other: int) -> bool:
     if np.arccos(np.clip(float(a @ b), -1.0, 1.0)) >= NEAR:
         return False
     turned = tidy(multiply(turn_between(a, b), own))
-    return draft.attempt(_set_rotation(index, turned), Relation("axis", parts, "parallel sweeps"))
+    return draft.attempt(_set_rotation(index, turned), _said("axis", parts, "parallel sweeps"))
+
+
+def _said(kind: str, parts: tuple[int, ...], value: object) -> Claim:
+    """A claim about directions, which no later change moves."""
+    return Claim(kind, parts, str(value), lambda rows: value)

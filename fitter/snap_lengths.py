@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..kernels.rows import SHAPES, TRANSLATION
-from .draft import Draft
-from .relations import Relation
+from .draft import Claim, Draft
 
 NEAR_SIZE = 0.05
 """Relative difference up to which sizes are tried as equal."""
@@ -61,9 +60,11 @@ def _same_sizes(draft: Draft, alike: Sequence[int]) -> bool:
         rows[alike, SHAPES : SHAPES + 3] = _mean(rows[alike, SHAPES : SHAPES + 3])
         return rows
 
-    value = [float(number) for number in change(draft.rows.copy())[alike[0], SHAPES : SHAPES + 3]]
+    def value(rows: np.ndarray) -> list[float]:
+        return [float(number) for number in rows[alike[0], SHAPES : SHAPES + 3]]
+
     parts = sorted({follower for index in alike for follower in draft.ties.followers(index)})
-    return draft.attempt(change, Relation("size", tuple(parts), value))
+    return draft.attempt(change, Claim("size", tuple(parts), "all", value))
 
 
 def _equal(draft: Draft, group: Sequence[Place], kind: str) -> bool:
@@ -76,10 +77,13 @@ def _equal(draft: Draft, group: Sequence[Place], kind: str) -> bool:
         rows[rows_of, columns] = 0.0 if fixed else _mean(numbers)
         return rows
 
-    value: dict[str, object] = {"at": float(change(draft.rows.copy())[group[0]])}
-    if kind == "centre":
-        value["axis"] = "xyz"[columns[0] - TRANSLATION]
-    return draft.attempt(change, Relation(kind, tuple(sorted(set(rows_of))), value))
+    def value(rows: np.ndarray) -> dict[str, object]:
+        number = float(rows[group[0]])
+        if kind == "size":
+            return {"length": number}
+        return {"axis": "xyz"[columns[0] - TRANSLATION], "at": number}
+
+    return draft.attempt(change, Claim(kind, tuple(sorted(set(rows_of))), tuple(group), value))
 
 
 def _mean(numbers: np.ndarray) -> np.ndarray:

@@ -18,6 +18,9 @@ MATCH = 0.45
 SELF_MATCH = 0.6
 """The same for a part that a motion takes to itself."""
 
+CROSSING = 0.3
+"""The same for a part that lies across a plane where one side is copied onto the other: it is made symmetric."""
+
 Motion = tuple[np.ndarray, np.ndarray]
 """turn (3, 3) and shift (3,): p = turn @ q + shift."""
 
@@ -58,9 +61,8 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
         fixed: primitives that are tied already, and stay out of it.
     """
     families = judge.families(rows)
-    bits = judge.values(rows) < 0
-    weight = judge.tally.weight
-    left = [index for index in np.argsort(-(bits @ weight), kind="stable").tolist() if index not in fixed]
+    bits = (judge.values(rows) < 0).astype(np.float32)
+    left = [index for index in np.argsort(-bits.sum(1), kind="stable").tolist() if index not in fixed]
     rows = rows.copy()
     copies: list[Copied] = []
     astride: dict[int, tuple[Motion, ...]] = {}
@@ -68,7 +70,7 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
     while left:
         index = left.pop(0)
         images = np.concatenate([move_rows(rows[index : index + 1], t, np.zeros(3), s) for t, s in motions])
-        shares = _shares(judge.values(images) < 0, bits, weight)
+        shares = _shares(judge.values(images) < 0, bits)
         self_motions = tuple(m for m, share in zip(motions, shares, strict=True) if share[index] > SELF_MATCH)
         if self_motions:
             astride[index] = self_motions
@@ -92,30 +94,126 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
     return Layout(ties.complete(rows, families), ties, tuple(alone))
 
 
-def add_missing(layout: Layout, judge: Judge, most: int) -> list[Layout]:
-    """For each part without a partner, in turn: the layouts in which it got one, and in which it is gone.
+def copy_across(
+    rows: np.ndarray,
+    planes: list[Symmetry],
+    sides: tuple[float, ...],
+    judge: Judge,
+    fixed: set[int],
+    most: int,
+) -> Layout | None:
+    """One side's parts copied onto the other, whatever is there.
 
-    Returns:
-        Candidates for the caller to judge; each is made from `layout` alone.
+    Args:
+        rows: (primitive_count, ROW).
+        planes: at right angles to each other.
+        sides: for each plane 1 or -1, the side that is copied.
+        judge: tells what parts hold.
+        fixed: primitives that stay as they are.
+        most: primitives; None is returned where more were needed.
     """
-    found = []
-    for index, motions in layout.alone:
-        rest = tuple(entry for entry in layout.alone if entry[0] != index)
-        if len(layout.rows) + len(motions) <= most:
-            images = [move_rows(layout.rows[index : index + 1], t, np.zeros(3), s) for t, s in motions]
-            rows = np.concatenate([layout.rows, *images])
-            rows[len(layout.rows) :, BLEND] = 0.0
-            more = [Copied(index, len(layout.rows) + k, t, s) for k, (t, s) in enumerate(motions)]
-            ties = Ties((*layout.ties.copies, *more), layout.ties.astride)
-            found.append(Layout(ties.complete(rows, judge.families(rows)), ties, rest))
+    motions = motions_of(planes)
+    families = judge.families(rows)
+    bits = (judge.values(rows) < 0).astype(np.float32)
+    kept, astride, alone = [], {}, []
+    for index in range(len(rows)):
+        if index in fixed:
+            kept.append(index)
+            continue
+        images = np.concatenate([move_rows(rows[index : index + 1], t, np.zeros(3), s) for t, s in motions])
+        shares = _shares(judge.values(images) < 0, bits[index : index + 1])[:, 0]
+        own = tuple(m for m, share in zip(motions, shares, strict=True) if share > CROSSING)
+        heights = [
+            side * float((rows[index, :3] - plane.centre) @ plane.axis)
+            for plane, side in zip(planes, sides, strict=True)
+        ]
+        crossed = [bool(shares[_index_of(plane, motions)] > CROSSING) for plane in planes]
+        if all(across or height > 0 for across, height in zip(crossed, heights, strict=True)):
+            kept.append(index)
+            if own:
+                astride[index] = own
+            alone.append(
+                (index, tuple(m for m, share in zip(motions, shares, strict=True) if share <= CROSSING))
+            )
+    place = {old: new for new, old in enumerate(kept)}
+    ties = Ties((), {place[index]: own for index, own in astride.items()})
+    layout = Layout(ties.complete(rows[kept], families), ties, ())
+    for index, missing in alone:
+        layout = _with_images(layout, place[index], missing, judge)
+    return layout if 0 < len(layout.rows) <= most else None
+
+
+def _index_of(plane: Symmetry, motions: list[Motion]) -> int:
+    """Which motion is the reflection in a plane."""
+    turn = plane.turns()[0]
+    return min(range(len(motions)), key=lambda k: float(np.abs(motions[k][0] - turn).max()))
+
+
+def _with_images(layout: Layout, index: int, motions: tuple[Motion, ...], judge: Judge) -> Layout:
+    """The layout with images of a primitive, at the end; images that fall together are one."""
+    row = layout.rows[index : index + 1]
+    more, placed = [], []
+    for turn, shift in motions:
+        image = move_rows(row, turn, np.zeros(3), shift)
+        if not _is_there(image[0], placed):
+            placed.append(image[0])
+            more.append(Copied(index, len(layout.rows) + len(more), turn, shift))
+    if not more:
+        return layout
+    rows = np.concatenate([layout.rows, np.stack(placed)])
+    rows[len(layout.rows) :, BLEND] = row[0, BLEND]
+    ties = Ties((*layout.ties.copies, *more), layout.ties.astride)
+    return Layout(ties.complete(rows, judge.families(rows)), ties, layout.alone)
+
+
+def resolved(layout: Layout, judge: Judge, most: int) -> list[Layout]:
+    """The layouts in which the first part without a partner got one, if there is room, and in which it is gone."""
+    (index, motions), rest = layout.alone[0], layout.alone[1:]
+    found = [_without(layout, index, rest)]
+    if len(layout.rows) + len(motions) <= most:
+        found.append(_with_images(Layout(layout.rows, layout.ties, rest), index, motions, judge))
     return found
 
 
-def _shares(images: np.ndarray, bits: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Weighted IoU (images, parts) of what images (i, n) and parts (k, n) hold."""
-    common = (images * weight) @ bits.T.astype(np.float64)
-    union = (images @ weight)[:, None] + (bits @ weight)[None] - common
-    return common / np.maximum(union, 1e-9)
+def without_idle(layout: Layout, judge: Judge) -> Layout:
+    """The layout less the primitives, with all that follows from them, without which the objective is higher."""
+    objective = judge.objective(layout.rows)
+    while len(layout.rows) > 1:
+        candidates = [_without(layout, index, layout.alone) for index in layout.ties.free(len(layout.rows))]
+        scores = [
+            judge.objective(candidate.rows) if len(candidate.rows) else -1.0 for candidate in candidates
+        ]
+        best = int(np.argmax(scores))
+        if scores[best] <= objective:
+            break
+        objective, layout = scores[best], candidates[best]
+    return layout
+
+
+def _without(layout: Layout, index: int, alone: tuple[tuple[int, tuple[Motion, ...]], ...]) -> Layout:
+    """The layout less a primitive and what follows from it."""
+    gone = layout.ties.followers(index)
+    kept = [k for k in range(len(layout.rows)) if k not in gone]
+    place = {old: new for new, old in enumerate(kept)}
+    copies = tuple(
+        Copied(place[copy.source], place[copy.index], copy.turn, copy.shift)
+        for copy in layout.ties.copies
+        if copy.index in place and copy.source in place
+    )
+    astride = {place[k]: motions for k, motions in layout.ties.astride.items() if k in place}
+    rest = tuple((place[k], motions) for k, motions in alone if k in place)
+    return Layout(layout.rows[kept], Ties(copies, astride), rest)
+
+
+def _shares(images: np.ndarray, bits: np.ndarray) -> np.ndarray:
+    """IoU (images, parts) of what images (i, n) bool and parts (k, n) 0 or 1 hold.
+
+    Counts below 2^24 are exact in float32: the product is the same however many cores take part.
+    """
+    held = images.astype(np.float32)
+    common = held @ bits.T
+    union = held.sum(1)[:, None] + bits.sum(1)[None] - common
+    return common / np.maximum(union, 1.0)
 
 
 def _is_there(image: np.ndarray, placed: list[np.ndarray]) -> bool:

@@ -65,6 +65,13 @@ def symmetric_row(row: np.ndarray, name: str, motions: Sequence[tuple[np.ndarray
     Centre and orientation become the mean of what the motions make of them. An orientation is compared in whichever
     of the primitive's own symmetric positions is nearest; one that asks for a straight or prismatic shape gets it.
     """
+    changed = _symmetric(row, name, motions)
+    # Once symmetric, rounding shall not move it again and again.
+    return row if np.abs(changed - row).max() < 2e-6 else changed
+
+
+def _symmetric(row: np.ndarray, name: str, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """The same, but for the rounding."""
     changed = row.copy()
     images = [move_rows(row[None], turn, np.zeros(3), shift)[0] for turn, shift in motions]
     places = np.stack([row, *images])[:, TRANSLATION : TRANSLATION + 3].astype(np.float64)
