@@ -3,30 +3,35 @@
 Points belong to the primitive nearest to them, so the normal matrix is nearly block-diagonal (design: second order
 beats Adam). A point that a second primitive covers gives that one a row which pushes it out; where two blend,
 both get the union's row. Owners change as primitives move: they are found anew at every step.
+
+A step is a fixed sequence of launches over arrays of fixed size, and nothing in it is read back: on a GPU it is
+captured once and replayed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..kernels.field import primitives_at
-from ..kernels.normal_equations import normal_equations
-from ..kernels.owned_points import OwnedPoints, owned_points
-from ..kernels.ownership import Ownership, find_owners, ownership_arrays
-from ..kernels.points import PointBlocks, point_blocks
+from ..kernels.loss_points import MASK as MASK
+from ..kernels.loss_points import contributions, drop_blocks, loss_points, weigh_points
+from ..kernels.loss_rows import RowSorter
+from ..kernels.normal_equations import normal_equations_at, partial_systems
+from ..kernels.ownership import find_owners, ownership_arrays
 from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.steps import Damping, advance, judge_together, rows_of, step_state
+from ..kernels.union import FAR
 from .config import RefineConfig
-from .levenberg import apply_steps, fit_ranges, solve_steps
+from .levenberg import fit_ranges
 from .objective import ObjectiveSamples
 
-MASK = 0.1
-"""Points farther than this from both the target and the assembly, outside, are not in the loss (the paper's mask)."""
+SHARED_DAMPING = Damping(better=0.4, worse=6.0, least=1e-5)
 
-EMPTY = 1e30
-"""Target distance of a row that wants its primitive elsewhere."""
+RAISE = 1.3
+"""The sharpness rises in steps of at least this factor: each of them starts from a new loss."""
 
 
 def fold(values: np.ndarray, blends: np.ndarray) -> np.ndarray:
@@ -62,82 +67,83 @@ def refine(
     Returns:
         Refined rows (primitive_count, ROW) float32; blends and gates unchanged.
     """
-    if not len(rows):
+    if not len(rows) or not len(samples.points):
         return rows
-    blocks = point_blocks(samples.points, device)
-    ranges = fit_ranges(families)
-    primitives = PrimitiveSet(rows, families, device)
-    rows = rows.astype(np.float32).copy()
-    values = wp.empty(len(rows) * blocks.x.shape[0], dtype=float, device=device)
-    scratch = (values, *ownership_arrays(blocks))
-    damping = 1e-2
+    step = RefineStep(rows, families, samples, config, device)
     low, high = config.betas
-    system, loss, beta = None, np.inf, low
-    for step in range(config.iterations):
+    beta = 0.0
+    for number in range(config.iterations):
         if should_stop():
             break
-        wanted = low * (high / low) ** min(1.0, step / max(1, 0.7 * config.iterations))
-        if system is None or wanted > 1.3 * beta:
+        wanted = low * (high / low) ** min(1.0, number / max(1, 0.7 * config.iterations))
+        if wanted > RAISE * beta:
             beta = wanted
-            primitives.set_rows(rows)
-            system, loss = _linearise(primitives, blocks, samples, beta, config, scratch)
-        trial = apply_steps(rows, solve_steps(system, rows, np.full(len(rows), damping), ranges), ranges)
-        primitives.set_rows(trial)
-        tried, trial_loss = _linearise(primitives, blocks, samples, beta, config, scratch)
-        if trial_loss < loss:
-            rows, system, loss = trial, tried, trial_loss
-            damping = max(damping * 0.4, 1e-5)
-        else:
-            damping = min(damping * 6.0, 1e3)
-    return rows
+            step.sharpen(beta)
+        step.run()
+    return rows_of(step.state)
 
 
-def _linearise(
-    primitives: PrimitiveSet,
-    blocks: PointBlocks,
-    samples: ObjectiveSamples,
-    beta: float,
-    config: RefineConfig,
-    scratch: tuple[wp.array, ...],
-) -> tuple[np.ndarray, float]:
-    """Systems of all primitives and the loss: mean weighted squared error plus the overlap's."""
-    owners = find_owners(primitives, blocks, primitives_at(primitives, blocks, scratch[0]), scratch[1:])
-    points, loss = _rows_of_loss(owners, samples, len(primitives), beta, config, primitives.device)
-    return normal_equations(primitives, points, beta), loss
+class RefineStep:
+    """The arrays of a refinement, and one step on them: evaluate the trial, judge it, make the next."""
 
+    def __init__(
+        self,
+        rows: np.ndarray,
+        families: Sequence[str],
+        samples: ObjectiveSamples,
+        config: RefineConfig,
+        device: wp.Device,
+    ):
+        self.device, self.overlap, count = device, config.overlap, len(rows)
+        self.points = loss_points(samples.points, samples.distance, samples.weight, device)
+        self.trial = PrimitiveSet(rows, families, device)
+        ranges = fit_ranges(families)
+        self.state = step_state(rows, ranges.low, ranges.high, device)
+        self.betas = wp.zeros(count, dtype=float, device=device)
+        self.owners = ownership_arrays(count, self.points.blocks, self.points.bounds)
+        self.found = contributions(count, self.points)
+        self.sorter = RowSorter(count, self.points, self.owners, self.found, config.overlap)
+        self.partial = partial_systems(self.sorter.rows, device)
+        self.graph: Any = None
 
-def _rows_of_loss(
-    owners: Ownership,
-    samples: ObjectiveSamples,
-    primitive_count: int,
-    beta: float,
-    config: RefineConfig,
-    device: wp.Device,
-) -> tuple[OwnedPoints, float]:
-    """The loss's rows, each given to the primitive that answers for it, and the loss itself."""
-    active = np.flatnonzero((owners.union < MASK) | (samples.distance < MASK))
-    blended = active[owners.share[active] < 0.98]
-    covered = active[owners.runner_up[active] < 0.5 / beta]
-    index = np.concatenate([active, blended, covered])
-    primitive = np.concatenate([owners.owner[active], owners.second[blended], owners.second[covered]])
-    own = np.concatenate([owners.nearest[active], owners.runner_up[blended]])
-    offset = np.concatenate([owners.union[index[: len(own)]] - own, np.zeros(len(covered), np.float32)])
-    slope = np.concatenate(
-        [owners.share[active], 1.0 - owners.share[blended], np.ones(len(covered), np.float32)]
-    )
-    target = np.concatenate([samples.distance[index[: len(own)]], np.full(len(covered), EMPTY, np.float32)])
-    push = np.sqrt(config.overlap)
-    weight = np.sqrt(samples.weight[index])
-    weight[len(own) :] *= push
-    points = owned_points(
-        samples.points[index], primitive, primitive_count, target, weight, offset, slope, device
-    )
-    error = _occupancy(owners.union[active], beta) - _occupancy(samples.distance[active], beta)
-    crossing = _occupancy(owners.runner_up[covered], beta)
-    loss = float((samples.weight[active] * error**2).sum(dtype=np.float64))
-    loss += config.overlap * float((samples.weight[covered] * crossing**2).sum(dtype=np.float64))
-    return points, loss
+    def sharpen(self, beta: float) -> None:
+        """Go on from the best so far with another sharpness, whose loss is not known yet."""
+        self.betas.fill_(beta)
+        self.state.loss.fill_(float(FAR))
+        wp.copy(self.trial.rows, self.state.rows)
+        self.trial.derive()
+        self.owners.live.fill_(1)
+        self.find_owners()
+        drop_blocks(self.points, self.owners, self.betas)
+        self.judge_and_advance()
 
+    def find_owners(self) -> None:
+        """Of all points that are not left out."""
+        find_owners(self.trial, self.points.blocks, self.points.bounds, self.betas, self.owners)
 
-def _occupancy(distance: np.ndarray, beta: float) -> np.ndarray:
-    return 1.0 / (1.0 + np.exp(np.clip(beta * distance, -40.0, 40.0)))
+    def run(self) -> None:
+        """One step. On a GPU the first is captured as a graph; `sharpen` has loaded the kernels before."""
+        if not self.device.is_cuda:
+            self.launch()
+            return
+        if self.graph is None:
+            with wp.ScopedCapture(self.device) as capture:
+                self.launch()
+            self.graph = capture.graph
+        wp.capture_launch(self.graph)
+
+    def launch(self) -> None:
+        """Evaluate the trial and its systems, keep it if the loss fell, and move on to the next trial."""
+        self.find_owners()
+        self.judge_and_advance()
+
+    def judge_and_advance(self) -> None:
+        """The same, once owners are known."""
+        count = len(self.trial)
+        weigh_points(self.points, self.owners, count, self.betas, self.overlap, self.found)
+        self.sorter.sort()
+        normal_equations_at(
+            self.trial, self.sorter.live_rows(), self.betas, self.partial, self.state.trial_systems
+        )
+        judge_together(self.state, count, self.found.loss, SHARED_DAMPING)
+        advance(self.state, self.trial)

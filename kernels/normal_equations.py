@@ -21,15 +21,13 @@ from .loss import occupancy
 from .owned_points import OWNER_BLOCK_C, OwnedPoints
 from .primitive_set import PrimitiveSet
 from .primitives import family
-from .rows import TANGENT, Derivatives
+from .rows import Derivatives
+from .small_solve import SYSTEM, SYSTEM_C
 from .vector_math import clamp_symmetric, larger
 
 BLOCK_SECONDS = 2.5e-6
 """One block of one owner, on one core."""
 
-SYSTEM = TANGENT + 1
-"""Columns of a system: the Jacobian's, then the residual."""
-SYSTEM_C = wp.constant(SYSTEM)
 System = wp.types.matrix(shape=(SYSTEM, SYSTEM), dtype=float)
 SystemRow = wp.types.vector(length=SYSTEM, dtype=float)
 
@@ -160,6 +158,11 @@ def add_systems_kernel(
         out_systems[(k * SYSTEM_C + b) * SYSTEM_C + a] = total
 
 
+def partial_systems(points: OwnedPoints, device: wp.Device) -> wp.array:
+    """Scratch of `normal_equations_at`."""
+    return wp.empty(max(1, points.pair_count * SYSTEM * SYSTEM), dtype=float, device=device)
+
+
 def normal_equations_at(
     primitives: PrimitiveSet,
     points: OwnedPoints,
@@ -215,7 +218,7 @@ def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float 
         the last column, r^T r in the corner.
     """
     device, count = primitives.device, len(primitives)
-    partial = wp.zeros(max(1, points.pair_count * SYSTEM * SYSTEM), dtype=float, device=device)
+    partial = partial_systems(points, device)
     systems = wp.zeros(max(1, count * SYSTEM * SYSTEM), dtype=float, device=device)
     if count:
         betas = wp.array(np.broadcast_to(np.float32(beta), count).copy(), dtype=float, device=device)

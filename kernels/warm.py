@@ -15,18 +15,21 @@ from .field import primitives_at, union_at
 from .gradient import union_gradient_at
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
+from .loss_points import contributions, drop_blocks, loss_points, weigh_points
+from .loss_rows import RowSorter
 from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
 from .morphology import deepest_core
 from .normal_equations import normal_equations
 from .occupancy import CandidateBits
 from .owned_points import owned_points
-from .ownership import find_owners
+from .ownership import find_owners, ownership_arrays
 from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
 from .raytrace import render_assembly, render_mesh
-from .rows import SHAPES, empty_rows
+from .rows import SHAPE, SHAPES, empty_rows
+from .steps import Damping, advance, judge_alone, judge_together, step_state
 
 
 def warm_kernels(device: wp.Device) -> float:
@@ -56,7 +59,21 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
     render_assembly(primitives, np.ones((1, 3)), camera, 16, 12, samples=1)
     owned = owned_points(points, np.zeros(len(points)), 1, np.zeros(len(points)), device=primitives.device)
     normal_equations(primitives, owned, 30.0)
-    find_owners(primitives, blocks, primitives_at(primitives, blocks))
+    _warm_refinement(primitives, points)
+
+
+def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
+    shown = loss_points(points, np.zeros(len(points)), np.ones(len(points)), primitives.device)
+    owners, found = ownership_arrays(1, shown.blocks, shown.bounds), contributions(1, shown)
+    betas = wp.full(1, 30.0, dtype=float, device=primitives.device)
+    find_owners(primitives, shown.blocks, shown.bounds, betas, owners)
+    drop_blocks(shown, owners, betas)
+    weigh_points(shown, owners, 1, betas, 0.1, found)
+    RowSorter(1, shown, owners, found, 0.1).sort()
+    state = step_state(primitives.rows_numpy(), np.zeros(SHAPE), np.ones(SHAPE), primitives.device)
+    judge_alone(state, 1, Damping(0.5, 2.0, 1e-6))
+    judge_together(state, 1, found.loss, Damping(0.5, 2.0, 1e-6))
+    advance(state, primitives)
 
 
 def _warm_grids(device: wp.Device) -> None:

@@ -6,19 +6,13 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from scenes import random_rows
 
 from resfit.fitter.chooser import Chooser
 from resfit.fitter.config import SelectConfig
 from resfit.fitter.objective import OVERLAP_PRICE, ObjectiveSamples, Tally
 from resfit.fitter.select import prune, select
 from resfit.kernels import launch as launching
-from resfit.kernels.field import primitives_at
 from resfit.kernels.occupancy import CandidateBits
-from resfit.kernels.ownership import find_owners
-from resfit.kernels.points import point_blocks
-from resfit.kernels.primitive_set import PrimitiveSet
-from resfit.kernels.rows import BLEND
 
 
 def line_samples(rng, count=4000):
@@ -127,29 +121,3 @@ def test_prune_drops_what_does_not_pay(device, rng):
     bits = spans(samples, [(-0.8, 0.8), (-0.1, 0.1), (-0.5, 0.2), (0.79, 0.81)])
     assert prune(bits, Tally(samples), 1e-3, device) == [0]
     assert prune(bits[:1], Tally(samples), 1e-3, device) == [0]
-
-
-@pytest.mark.parametrize("count", [1, 2, 9])
-def test_owners(count, device, rng):
-    """Union, owner, runner-up and share against NumPy on the same distances."""
-    families = ["superfrustum"] * count
-    rows = random_rows(rng, families)
-    primitives = PrimitiveSet(rows, families, device)
-    blocks = point_blocks(rng.uniform(-1, 1, (1000, 3)), device)
-    values = primitives_at(primitives, blocks)
-    found = find_owners(primitives, blocks, values)
-    table = values.numpy().reshape(count, -1)[:, :1000]
-    order = np.argsort(table, axis=0, kind="stable")
-    np.testing.assert_array_equal(found.owner, order[0])
-    np.testing.assert_array_equal(found.nearest, table.min(0))
-    union = table[0]
-    for value, blend in zip(table[1:], rows[1:, BLEND], strict=True):
-        union = np.minimum(union, value) - np.maximum(blend - np.abs(union - value), 0) ** 2 / (4 * blend)
-    np.testing.assert_allclose(found.union, union, atol=1e-6)
-    if count == 1:
-        assert (found.share == 1).all() and found.runner_up.min() > 1e20
-        return
-    np.testing.assert_array_equal(found.second, order[1])
-    gap = np.sort(table, axis=0)[1] - found.nearest
-    blend = rows[np.maximum(order[0], order[1]), BLEND]
-    np.testing.assert_allclose(found.share, np.clip(0.5 + 0.5 * gap / blend, 0, 1), atol=1e-5)

@@ -1,0 +1,243 @@
+"""Steps of a refinement on the device against plain NumPy: owners, rows of the loss, their sorting, damped solves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import random_rows
+
+from resfit.fitter.config import RefineConfig
+from resfit.fitter.levenberg import fit_ranges
+from resfit.fitter.objective import ObjectiveSamples
+from resfit.fitter.refine import RefineStep, refine
+from resfit.kernels import launch as launching
+from resfit.kernels.curve import curve_codes, hilbert_codes
+from resfit.kernels.field import evaluate_primitives
+from resfit.kernels.normal_equations import normal_equations
+from resfit.kernels.owned_points import OWNER_BLOCK, owned_points
+from resfit.kernels.primitive_set import PrimitiveSet
+from resfit.kernels.rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TANGENT
+from resfit.kernels.small_solve import SYSTEM
+from resfit.kernels.steps import advance, rows_of, step_state
+
+MIXED = ["superfrustum", "superfrustum", "cuboid", "superprimitive", "superfrustum", "superquadric"]
+MASK = 0.1
+
+
+def samples_of(rows, families, rng, device, count=3000):
+    """Random points whose target is the same assembly, moved a little."""
+    points = rng.uniform(-1, 1, (count, 3)).astype(np.float32)
+    other = rows.copy()
+    other[:, :3] += 0.03 * rng.normal(size=(len(rows), 3))
+    distance = evaluate_primitives(PrimitiveSet(other, families, device), points).min(0)
+    return ObjectiveSamples(points, distance, rng.uniform(0.5, 2.0, count).astype(np.float32), count // 2)
+
+
+def owners_of(table, blends):
+    """Union, owner, second, their distances and the owner's share, from distances (primitive_count, n)."""
+    order = np.argsort(table, axis=0, kind="stable")
+    union = table[0].astype(np.float64)
+    for value, blend in zip(table[1:], blends[1:], strict=True):
+        near = np.maximum(blend - np.abs(union - value), 0)
+        union = np.minimum(union, value) - near**2 / (4 * max(blend, 1e-9))
+    sorted_table = np.sort(table, axis=0)
+    if len(table) == 1:
+        return union, order[0], order[0] * 0, sorted_table[0], np.full(len(union), 1e30), np.ones(len(union))
+    gap = sorted_table[1] - sorted_table[0]
+    blend = np.maximum(blends[np.maximum(order[0], order[1])], 1e-9)
+    share = np.clip(0.5 + 0.5 * gap / blend, 0, 1)
+    return union, order[0], order[1], sorted_table[0], sorted_table[1], share
+
+
+def loss_of(rows, families, samples, beta, overlap, device):
+    """Systems and loss by NumPy's sorting: the definition."""
+    table = evaluate_primitives(PrimitiveSet(rows, families, device), samples.points)
+    union, owner, second, nearest, runner_up, share = owners_of(table, rows[:, BLEND])
+
+    def occupancy(distance):
+        return 1 / (1 + np.exp(np.clip(beta * np.asarray(distance, np.float64), -40, 40)))
+
+    active = np.flatnonzero((union < MASK) | (samples.distance < MASK))
+    blended = active[share[active] < 0.98]
+    covered = active[runner_up[active] < 0.5 / beta]
+    index = np.concatenate([active, blended, covered])
+    own = len(active) + len(blended)
+    offset = np.zeros(len(index))
+    offset[:own] = union[index[:own]] - np.concatenate([nearest[active], runner_up[blended]])
+    slope = np.concatenate([share[active], 1 - share[blended], np.ones(len(covered))])
+    target = np.where(np.arange(len(index)) < own, samples.distance[index], 1e30)
+    weight = np.sqrt(samples.weight[index]) * np.where(np.arange(len(index)) < own, 1, np.sqrt(overlap))
+    primitive = np.concatenate([owner[active], second[blended], second[covered]])
+    points = owned_points(samples.points[index], primitive, len(rows), target, weight, offset, slope, device)
+    error = occupancy(union[active]) - occupancy(samples.distance[active])
+    loss = (samples.weight[active] * error**2).sum()
+    loss += overlap * (samples.weight[covered] * occupancy(runner_up[covered]) ** 2).sum()
+    return normal_equations(PrimitiveSet(rows, families, device), points, beta), loss
+
+
+def solved(systems, rows, damping, families):
+    """Rows after one damped step, in float64."""
+    ranges = fit_ranges(families)
+    out = rows.astype(np.float64)
+    for k, system in enumerate(systems.astype(np.float64)):
+        slope, shape = system[:TANGENT, TANGENT].copy(), rows[k, SHAPES : SHAPES + SHAPE]
+        held = np.zeros(TANGENT, bool)
+        held[6:] = ranges.high[k] <= ranges.low[k]
+        held[6:] |= (shape <= ranges.low[k]) & (slope[6:] > 0)
+        held[6:] |= (shape >= ranges.high[k]) & (slope[6:] < 0)
+        matrix = system[:TANGENT, :TANGENT] * np.outer(~held, ~held)
+        diagonal = np.diag(matrix).copy()
+        scale = diagonal.mean() + 1e-12
+        diagonal += damping * diagonal + (1e-4 * damping + 1e-7) * scale + held * scale
+        np.fill_diagonal(matrix, diagonal)
+        step = -np.linalg.solve(matrix, slope * ~held)
+        step = np.clip(step, *[side * np.array([0.15] * 3 + [0.4] * 3 + [0.25] * 8) for side in (-1, 1)])
+        w, v = rows[k, ROTATION].astype(float), rows[k, ROTATION + 1 : ROTATION + 4].astype(float)
+        out[k, :3] += step[:3] + 2 * np.cross(v, np.cross(v, step[:3]) + w * step[:3])
+        half = step[3:6] / 2
+        turned = np.concatenate([[w - v @ half], v + w * half + np.cross(v, half)])
+        out[k, ROTATION : ROTATION + 4] = turned / np.linalg.norm(turned)
+        out[k, SHAPES : SHAPES + SHAPE] = np.clip(shape + step[6:], ranges.low[k], ranges.high[k])
+    return out
+
+
+@pytest.fixture
+def scene(device, rng):
+    rows = random_rows(rng, MIXED)
+    rows[:, :3] *= 0.5
+    return rows, samples_of(rows, MIXED, rng, device)
+
+
+def stepped(rows, families, samples, device, beta, overlap=0.2):
+    step = RefineStep(rows, families, samples, RefineConfig(overlap=overlap), device)
+    step.sharpen(beta)
+    return step
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 40])
+def test_owners(count, device, rng):
+    """Union, owner, runner-up and share agree with NumPy wherever a second primitive blends or covers."""
+    families = (MIXED * 7)[:count]
+    rows = random_rows(rng, families)
+    samples = samples_of(rows, families, rng, device)
+    beta = 40.0
+    step = stepped(rows, families, samples, device, beta)
+    step.owners.live.fill_(1)
+    step.trial.set_rows(rows)
+    step.find_owners()
+    found = step.owners
+    size = len(samples.points)
+    points = np.stack([getattr(step.points.blocks, axis).numpy()[:size] for axis in "xyz"], 1)
+    table = evaluate_primitives(PrimitiveSet(rows, families, device), points)
+    union, owner, second, nearest, runner_up, share = owners_of(table, rows[:, BLEND])
+    np.testing.assert_allclose(found.field.numpy()[:size], union, atol=1e-5)
+    np.testing.assert_array_equal(found.owner.numpy()[:size], owner)
+    np.testing.assert_array_equal(found.nearest.numpy()[:size], nearest)
+    np.testing.assert_allclose(found.share.numpy()[:size], share, atol=1e-4)
+    matters = (runner_up < 0.5 / beta) | (share < 0.98)
+    assert matters.any() or count == 1
+    np.testing.assert_array_equal(found.second.numpy()[:size][matters], second[matters])
+    np.testing.assert_array_equal(found.runner_up.numpy()[:size][matters], runner_up[matters])
+    assert (found.runner_up.numpy()[:size] >= runner_up).all()
+    assert found.counts.numpy().mean() < count or count < 40, "some blocks see fewer primitives"
+
+
+@pytest.mark.parametrize("beta", [30.0, 120.0])
+def test_systems_and_loss_of_a_step(beta, scene, device):
+    """What the device sums up is what NumPy's rows give, with blends, covered points and mixed families."""
+    rows, samples = scene
+    step = stepped(rows, MIXED, samples, device, beta)
+    expected, loss = loss_of(rows, MIXED, samples, beta, 0.2, device)
+    found = step.state.systems.numpy().reshape(-1, SYSTEM, SYSTEM)
+    for k in range(len(rows)):
+        # Rows without a slope are left out, and with them constant errors in the corner.
+        size = np.abs(expected[k, :TANGENT]).max()
+        np.testing.assert_allclose(found[k, :TANGENT], expected[k, :TANGENT], atol=2e-3 * size)
+    live = step.owners.live.numpy()
+    assert 0 < (live > 0).sum() <= len(live)
+    assert float(step.state.loss.numpy()[0]) == pytest.approx(loss, rel=0.02)
+
+
+def test_sorting(scene, device):
+    """Each primitive's blocks hold its rows in the order of the points, then padding of weight 0."""
+    rows, samples = scene
+    step = stepped(rows, MIXED, samples, device, 60.0)
+    sorter, kind = step.sorter, step.found.kind.numpy()
+    live = np.repeat(step.owners.live.numpy() > 0, len(kind) // step.points.blocks.block_count)
+    first, weight, x = (
+        array.numpy() for array in (sorter.rows.first_block, sorter.rows.weight, sorter.rows.x)
+    )
+    given = step.points.blocks.x.numpy()
+    used = [step.owners.owner.numpy(), step.owners.second.numpy(), step.owners.second.numpy()]
+    for k in range(len(rows)):
+        mine = [
+            i for i in np.flatnonzero(live) for bit in range(3) if kind[i] >> bit & 1 and used[bit][i] == k
+        ]
+        begin, end = first[k] * OWNER_BLOCK, first[k + 1] * OWNER_BLOCK
+        assert end - begin == -(-len(mine) // OWNER_BLOCK) * OWNER_BLOCK
+        np.testing.assert_array_equal(x[begin : begin + len(mine)], given[mine])
+        assert (weight[begin : begin + len(mine)] > 0).all()
+        assert not weight[begin + len(mine) : end].any()
+    owners = sorter.rows.owners.numpy()
+    np.testing.assert_array_equal(owners[: first[-1]], np.repeat(np.arange(len(rows)), np.diff(first)))
+    assert (owners[first[-1] :] == -1).all()
+
+
+def test_damped_steps(device, rng):
+    """Solves, limits, turns and bounds agree with NumPy in float64; what is not kept stays."""
+    families = MIXED
+    rows = random_rows(rng, families)
+    ranges = fit_ranges(families)
+    shapes = rows[:, SHAPES : SHAPES + SHAPE]
+    shapes[:] = np.clip(shapes, ranges.low, ranges.high)
+    shapes[0, 3], shapes[1, 7] = ranges.high[0, 3], ranges.low[1, 7]
+    jacobian = rng.normal(size=(len(rows), 60, SYSTEM)) * 10.0 ** rng.uniform(-2, 1, (len(rows), 1, SYSTEM))
+    jacobian[:, :, 2] = jacobian[:, :, 3] * 1.001
+    systems = np.einsum("kni,knj->kij", jacobian, jacobian).astype(np.float32)
+    state = step_state(rows, ranges.low, ranges.high, device)
+    trial = PrimitiveSet(rows, families, device)
+    state.trial_systems.assign(systems.ravel())
+    state.kept.fill_(1)
+    advance(state, trial)
+    np.testing.assert_array_equal(rows_of(state), rows)
+    expected = solved(systems, rows, 1e-2, families)
+    np.testing.assert_allclose(trial.rows_numpy(), expected, atol=2e-5)
+    np.testing.assert_array_equal(trial.rows_numpy()[:, [BLEND, GATE]], rows[:, [BLEND, GATE]])
+    state.kept.fill_(0)
+    state.trial_systems.fill_(7.0)
+    state.damping.fill_(10.0)
+    advance(state, trial)
+    np.testing.assert_array_equal(rows_of(state), rows)
+    np.testing.assert_allclose(trial.rows_numpy(), solved(systems, rows, 10.0, families), atol=2e-5)
+
+
+def test_refinement_lowers_the_loss(scene, device):
+    rows, samples = scene
+    config = RefineConfig(iterations=12, betas=(60.0, 60.0))
+    refined = refine(rows, MIXED, samples, config, device)
+    before, after = (
+        loss_of(given, MIXED, samples, 60.0, config.overlap, device)[1] for given in (rows, refined)
+    )
+    assert after < 0.5 * before
+    np.testing.assert_array_equal(refined[:, [BLEND, GATE]], rows[:, [BLEND, GATE]])
+    again = refine(rows, MIXED, samples, config, device, should_stop=lambda: True)
+    np.testing.assert_array_equal(again, rows)
+
+
+def test_same_bytes_on_one_core_and_two(scene, device, rng, monkeypatch):
+    rows, _ = scene
+    samples = samples_of(rows, MIXED, rng, device, 30_000)
+    results = []
+    for cores in (1, 2):
+        monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
+        results.append(refine(rows, MIXED, samples, RefineConfig(iterations=6), device).tobytes())
+    assert results[0] == results[1]
+
+
+def test_curve_goes_from_neighbour_to_neighbour():
+    codes = hilbert_codes()
+    cells = np.empty(len(codes), np.int64)
+    cells[codes] = np.arange(len(codes))
+    places = np.stack([cells % 32, cells // 32 % 32, cells // 1024], 1)
+    assert (np.abs(np.diff(places, axis=0)).sum(1) == 1).all()
+    assert len(np.unique(curve_codes(np.random.default_rng(0).uniform(size=(2000, 3))))) > 1500
