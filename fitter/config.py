@@ -139,6 +139,12 @@ class FitConfig:
     """Times that a saturated fit is made rich again and goes on from there."""
     parsimony: float = 2.5e-3
     """Objective that a primitive must bring (alpha)."""
+    snap: bool = False
+    """Make the result regular: symmetry, canonical shapes, equal axes, sizes and centres (`fitter/snap.py`)."""
+    pareto: bool = False
+    """Find the best assembly of every number of parts too, and return the one that the objective prefers."""
+    per_part: Literal["auto", "on", "off"] = "auto"
+    """Fit the mesh's parts one by one; "auto" does so where several are worth a primitive and none is nearly all."""
     resolution: int = 128
     samples: int = FROM_PRESET
     """Points near the surface, and as many in the volume, that the objective is measured on."""
