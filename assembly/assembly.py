@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,6 +125,20 @@ class Assembly:
             )
         )
         return cls(primitives, transform or Transform(), provenance or Provenance())
+
+    def renamed(self, names: Sequence[str]) -> Assembly:
+        """The same with other names, one a primitive.
+
+        Raises:
+            AssemblyError: if two are the same, or one is no name.
+        """
+        parts = tuple(replace(part, name=name) for part, name in zip(self.primitives, names, strict=True))
+        return replace(self, primitives=parts)
+
+    def top(self, count: int, gains: Sequence[float]) -> Assembly:
+        """The `count` primitives with the largest gains (one a primitive), in their order, with their names."""
+        ranked = sorted(range(len(self.primitives)), key=lambda index: -gains[index])[: max(count, 0)]
+        return replace(self, primitives=tuple(self.primitives[index] for index in sorted(ranked)))
 
     def on_device(self, device: str = "auto") -> PrimitiveSet:
         """The primitives, ready for the functions of `kernels`, normalised frame.

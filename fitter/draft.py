@@ -119,7 +119,8 @@ class Draft:
         found: dict[tuple[Any, ...], Relation] = {}
         for claim in self.claims:
             value = claim.value(self.rows)
-            key = (claim.kind, claim.parts, None if claim.kind == "canonical" else claim.what)
+            # Of the axes of a part the last word counts: one that was lined up first, then all three.
+            key = (claim.kind, claim.parts, None if claim.kind in ("canonical", "axis") else claim.what)
             if claim.kind == "canonical":
                 value = {**(found[key].value if key in found else {}), str(claim.what): value}
             found[key] = Relation(claim.kind, claim.parts, value)

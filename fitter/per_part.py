@@ -27,8 +27,8 @@ from .outcome import Outcome, Status
 from .placement import move_rows, rescale_rows
 from .propose import fit_regions
 from .refine import refine
-from .relations import Relation, renumber
 from .select import prune
+from .ties import Copied
 from .trade_off import remove_down_to
 
 LEAST_PARTS, MOST_SHARE = 3, 0.8
@@ -60,8 +60,8 @@ class PartsOutcome:
     outcome: Outcome
     names: list[str]
     """One a primitive: that of its part, with a number from the second on."""
-    relations: list[Relation]
-    """Which primitives are copies of which."""
+    copies: list[Copied]
+    """Which primitives are others moved."""
     notes: list[str]
     """Sentences about what was fitted and what was left out."""
 
@@ -93,7 +93,7 @@ def fit_parts(
     chosen = choose_pieces(pieces, config, everything)
     if not chosen:
         return None
-    pieces = [pieces[index] for index in chosen]
+    total, pieces = len(pieces), [pieces[index] for index in chosen]
     copies = find_copies(pieces)
     timings = {"split": time.perf_counter() - begin}
 
@@ -111,15 +111,17 @@ def fit_parts(
     rows, owner, order = put_together(pieces, copies, fitted)
     judge = Judge(target, config, device)
     kept, note = limit(rows, judge, 0.0 if everything else config.parsimony, config.max_primitives)
-    relations = renumber(_copy_relations(pieces, copies, owner, order), kept.tolist())
+    tied = copies_among(copies, owner, order, kept.tolist())
     rows, names = rows[kept], name_primitives([pieces[part].name for part in owner[kept]])
     iou = grid_iou(rows, target, config, device)
     outcome = Outcome(rows, judge.families(rows), judge.score(rows), iou, status, [], timings)
     count = sum(copy is not None for copy in copies)
-    notes = [f"Fitted part by part: {len(pieces)} parts, {count} of them copies of others."]
+    same = f", {count} of them copies of others" if count else ""
+    some = f"the {len(pieces)} largest of {total} parts" if len(pieces) < total else f"{total} parts"
+    notes = [f"Fitted one by one: {some}{same}."]
     if missing:
         notes.append(f"Stopped before {missing} of the parts were fitted.")
-    return PartsOutcome(outcome, names, relations, notes + note)
+    return PartsOutcome(outcome, names, tied, notes + note)
 
 
 def choose_pieces(pieces: list[Piece], config: FitConfig, everything: bool) -> list[int]:
@@ -268,20 +270,20 @@ def grid_iou(rows: np.ndarray, target: Target, config: FitConfig, device: wp.Dev
     return float((held & inside).sum() / max(1, (held | inside).sum()))
 
 
-def _copy_relations(
-    pieces: list[Piece], copies: list[Copy | None], owner: np.ndarray, order: np.ndarray
-) -> list[Relation]:
-    """One relation a primitive of a copied part: itself and the one that it is a copy of."""
-    at = {
-        (int(part), int(place)): index for index, (part, place) in enumerate(zip(owner, order, strict=True))
-    }
-    relations = []
-    for (part, place), index in at.items():
+def copies_among(
+    copies: list[Copy | None], owner: np.ndarray, place: np.ndarray, kept: list[int]
+) -> list[Copied]:
+    """Which of the primitives `kept`, by their new indices, are others of them moved.
+
+    Args:
+        copies: of the parts.
+        owner, place: (k,) part of each primitive, and its place in the part, before any were left out.
+        kept: indices, ascending, of those that are left.
+    """
+    at = {(int(owner[old]), int(place[old])): new for new, old in enumerate(kept)}
+    found = []
+    for (part, number), index in at.items():
         copy = copies[part]
-        if copy is None:
-            continue
-        source = at[copy.source, place]
-        kind = "mirrored" if np.linalg.det(copy.turn) < 0 else "moved"
-        value = {"copy": pieces[part].name, "of": pieces[copy.source].name, "how": kind}
-        relations.append(Relation("copy", (source, index), value))
-    return relations
+        if copy is not None and (copy.source, number) in at:
+            found.append(Copied(at[copy.source, number], index, copy.turn, copy.shift))
+    return found

@@ -32,17 +32,6 @@ class Relation:
         return {"kind": self.kind, "parts": [names[index] for index in self.parts], "value": self.value}
 
 
-def renumber(relations: Sequence[Relation], kept: Sequence[int]) -> list[Relation]:
-    """The relations among the primitives `kept` of an assembly, by their new indices; those of less than one go."""
-    place = {old: new for new, old in enumerate(kept)}
-    found = []
-    for relation in relations:
-        parts = tuple(place[index] for index in relation.parts if index in place)
-        if len(parts) == len(relation.parts):
-            found.append(Relation(relation.kind, parts, relation.value))
-    return found
-
-
 def sum_up(relations: Sequence[Relation]) -> str:
     """`14 relations: 6 axes, 5 sizes, symmetry about x`, or nothing where there are none."""
     if not relations:

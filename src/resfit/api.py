@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
+from resfit.additions import add_stages
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.transform import Transform
 from resfit.clock import Clock
@@ -20,7 +21,8 @@ from resfit.eval.prediction import rows_in_frame
 from resfit.export.by_suffix import export_assembly as export
 from resfit.fitter.chamfer import move_assembly
 from resfit.fitter.config import FitConfig, preset_config
-from resfit.fitter.loop import Progress, fit_target
+from resfit.fitter.loop import Progress
+from resfit.fitter.stages import fit_stages
 from resfit.kernels import launch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
@@ -54,6 +56,9 @@ class FitOptions(TypedDict, total=False):
     optimizer: str | None
     decompose: str | None
     parsimony: float | None
+    snap: bool | None
+    pareto: bool | None
+    per_part: Literal["auto", "on", "off"] | None
 
 
 def fit(
@@ -102,7 +107,7 @@ def fit(
         return move_parts(
             start, target, config, limited.timeout, mesh_or_path, tell, should_stop, clock, timings
         )
-    outcome = fit_target(
+    fitted = fit_stages(
         target,
         limited,
         device,
@@ -110,10 +115,12 @@ def fit(
         should_stop or (lambda: False),
         None if start is None else start_rows(start, config.primitive, target.transform),
     )
+    outcome = fitted.outcome
     timings |= outcome.timings
     timings["compile"] = launch.compile_seconds - compiled
     name = mesh_or_path if isinstance(mesh_or_path, str | os.PathLike) else None
-    return measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
+    result = measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
+    return add_stages(result, fitted, target, config)
 
 
 def evaluate(

@@ -18,6 +18,12 @@ REPORT = "report.json"
 OURS = ("assembly.json", "parts.glb", "preview.png", "history.npz", "viewer.html", REPORT)
 """Files that a fit writes, the report last: it is what makes a folder ours."""
 
+PARETO = ("pareto.csv", "pareto.json", "pareto.svg")
+"""Files that a fit writes if the trade-off was asked for."""
+
+PARETO_FOLDER = "pareto"
+"""Where the assemblies of the trade-off lie, assembly_NN.json."""
+
 MAX_REPORT_BYTES = 16 * 1024 * 1024
 
 
@@ -57,7 +63,7 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
                 )
         elif os.path.lexists(folder):
             raise InputError(f"'{folder}' is there and is no folder; give another one with -o.")
-        taken = {os.path.realpath(folder / name) for name in OURS}
+        taken = {os.path.realpath(folder / name) for name in (*OURS, *PARETO)}
         for path in inputs:
             if os.path.realpath(path) in taken:
                 raise InputError(
@@ -102,12 +108,26 @@ def filling(folder: Path) -> Iterator[Path]:
 
 def _replace_files(source: Path, folder: Path) -> None:
     """Move all files of `source` to `folder`; what else lies there from an earlier fit goes."""
-    new = {path.name for path in source.iterdir()}
-    for name in OURS:
+    new = {path.name for path in source.iterdir() if path.is_file()}
+    _replace_curve(source / PARETO_FOLDER, folder / PARETO_FOLDER)
+    for name in (*OURS, *PARETO):
         if name not in new:
             (folder / name).unlink(missing_ok=True)
     for name in sorted(new, key=lambda name: (name == REPORT, name)):
         os.replace(source / name, folder / name)
+
+
+def _replace_curve(source: Path, folder: Path) -> None:
+    """The same for the assemblies of the trade-off; other files in their folder stay."""
+    if folder.is_dir():
+        for path in folder.glob("assembly_*.json"):
+            path.unlink()
+        if not source.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+    if source.is_dir():
+        folder.mkdir(exist_ok=True)
+        for path in sorted(source.iterdir()):
+            os.replace(path, folder / path.name)
 
 
 def _temporary_name(name: str = "") -> str:

@@ -27,6 +27,7 @@ from resfit.kernels.isosurface import tight_bounds
 from resfit.kernels.launch import choose_device, core_count
 from resfit.kernels.raytrace import render_assembly, render_mesh
 from resfit.target.target import Target
+from resfit.trade_off import Curve
 
 REPORT_VERSION = 1
 
@@ -85,6 +86,14 @@ class FitResult:
     """What was fitted, normalised."""
     options: Mapping[str, Any] = field(default_factory=dict)
     device: str = "cpu"
+    relations: tuple[Mapping[str, Any], ...] = ()
+    """What parts have exactly in common: kind, parts by name, value; lengths are normalised."""
+    snapped: str = ""
+    """The relations in a few words; empty unless the assembly was made regular."""
+    notes: tuple[str, ...] = ()
+    """Sentences about how it was fitted."""
+    curve: Curve | None = field(default=None, repr=False)
+    """The best assembly of each number of parts, if that was asked for."""
 
     def save(self, directory: str | Path) -> Path:
         """Write assembly.json, parts.glb, preview.png, history.npz and report.json.
@@ -100,6 +109,8 @@ class FitResult:
         with filling(folder) as temporary:
             self.assembly.save(temporary / "assembly.json")
             self.history.save(temporary / "history.npz")
+            if self.curve is not None:
+                self.curve.save(temporary)
             with timed(timings, "parts"):
                 export_assembly(self.assembly, temporary / "parts.glb", device=self.device)
             with timed(timings, "preview"):
@@ -136,6 +147,8 @@ class FitResult:
             "deviation": None if self.deviation is None else asdict(self.deviation),
             "objective": {name: _rounded(value) for name, value in self.objective.items()},
             "parts": parts,
+            "relations": [dict(relation) for relation in self.relations],
+            "notes": list(self.notes),
             "rounds": [
                 {"accepted": entry.accepted, **{key: _rounded(value) for key, value in entry.score.items()}}
                 for entry in self.history.rounds

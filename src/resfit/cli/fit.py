@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
 from resfit.clock import Clock
-from resfit.folder import OURS, check_folder, default_folder, holds_fit
+from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
 
 if TYPE_CHECKING:
     from resfit.result import FitResult
@@ -42,6 +42,9 @@ def fit(
     decompose: Annotated[Literal["msd", "coacd"] | None, Parameter(group=MORE)] = None,
     optimizer: Annotated[Literal["levenberg", "adam"] | None, Parameter(group=MORE)] = None,
     parsimony: Annotated[float | None, Parameter(group=MORE)] = None,
+    snap: Annotated[bool, Parameter(negative="")] = False,
+    pareto: Annotated[bool, Parameter(negative="")] = False,
+    per_part: Annotated[bool | None, Parameter(negative="--whole")] = None,
     progress: Annotated[ProgressMode, Parameter(group=MORE)] = "auto",
 ) -> int:
     """Fit an assembly of primitives to a mesh, and write it to a folder.
@@ -67,6 +70,10 @@ def fit(
         decompose: how to cut what is unexplained: by thickness (msd, unless given) or into convex pieces (coacd).
         optimizer: second-order steps (levenberg, unless given) or the paper's Adam (adam), which is slower.
         parsimony: what a part must add to the objective to be worth having; 0.0025 unless given.
+        snap: make the result regular: symmetry, canonical shapes, equal axes, sizes and centres.
+        pareto: write the best assembly of every number of parts too; the fit itself is the one that pays best.
+        per_part: fit the mesh's nodes, or else its bodies, one by one and keep their names; --whole never does; unless
+            given, that is done where it pays.
         progress: a bar if stderr is a terminal (auto), one JSON object a line on stderr (json), or none.
     """
     options = {
@@ -85,6 +92,9 @@ def fit(
         "decompose": decompose,
         "optimizer": optimizer,
         "parsimony": parsimony,
+        "snap": snap or None,
+        "pareto": pareto or None,
+        "per_part": None if per_part is None else ("on" if per_part else "off"),
     }
     return run_fit(mesh, output or default_folder(mesh), progress, options)
 
@@ -167,9 +177,11 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
         f"{result.input.name}: {parts}, {', '.join(figures)}, {seconds:.1f} s",
         f"  input    {result.input.sentence}",
         *(f"           {note}" for note in result.input.notes),
+        *(f"  parts    {note}" for note in result.notes),
         f"  stopped  {stopped}",
         *chamfer_line(result),
-        f"  written  {folder}/ {' '.join(name for name in OURS if (folder / name).exists())}",
+        *([f"  snapped  {result.snapped}"] if result.snapped else []),
+        f"  written  {folder}/ {' '.join(name for name in (*OURS, *PARETO) if (folder / name).exists())}",
     ]
     return "\n".join(lines) + "\n"
 

@@ -1,0 +1,135 @@
+"""A fit as it was asked for: of the whole or part by part, cut down to the best count, made regular."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import warp as wp
+
+from ..target.target import Target
+from .config import FitConfig
+from .judge import Judge
+from .loop import Progress, fit_target
+from .outcome import Outcome
+from .per_part import fit_parts, grid_iou
+from .relations import Relation
+from .snap import snap
+from .ties import Copied
+from .trade_off import RICH_SHARE, Cut, cut_down
+
+
+@dataclass
+class Fitted:
+    """What a fit came to."""
+
+    outcome: Outcome
+    names: list[str] | None = None
+    """One a primitive, None where they have none of their own."""
+    copies: list[Copied] = field(default_factory=list)
+    """Primitives that are others moved."""
+    relations: list[Relation] = field(default_factory=list)
+    snapped: bool = False
+    """Whether the assembly was made regular."""
+    notes: list[str] = field(default_factory=list)
+    """Sentences about how it was fitted."""
+    curve: list[Cut] = field(default_factory=list)
+    """The trade-off, the richest first; empty unless asked for."""
+    rich_names: list[str] | None = None
+    """Names of the parts of the richest one."""
+
+
+def fit_stages(
+    target: Target,
+    config: FitConfig,
+    device: wp.Device,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+    start_rows: np.ndarray | None = None,
+) -> Fitted:
+    """Fit a target with everything that the configuration asks for; the arguments are those of `fit_target`."""
+    priced = replace(config, parsimony=RICH_SHARE * config.parsimony) if config.pareto else config
+    fitted = None
+    if start_rows is None and takes_apart(config):
+        parts = fit_parts(target, priced, device, on_progress, should_stop, config.per_part == "on")
+        if parts is not None:
+            fitted = Fitted(parts.outcome, parts.names, parts.copies, notes=parts.notes)
+    if fitted is None:
+        fitted = Fitted(fit_target(target, priced, device, on_progress, should_stop, start_rows))
+    if config.pareto and len(fitted.outcome.rows):
+        _cut(fitted, target, config, device, should_stop)
+    if config.snap and not fitted.outcome.status.stopped_early:
+        _snap(fitted, target, config, device, should_stop)
+    else:
+        fitted.relations = _copies(fitted)
+    return fitted
+
+
+def takes_apart(config: FitConfig) -> bool:
+    """Whether parts may be fitted one by one: not where the whole has a goal, or a method of others is asked for."""
+    if config.per_part != "auto":
+        return config.per_part == "on"
+    goal = config.target_iou < 1.0 or config.tolerance > 0.0
+    return not goal and config.optimizer == "levenberg" and config.decompose == "msd"
+
+
+def _cut(
+    fitted: Fitted, target: Target, config: FitConfig, device: wp.Device, should_stop: Callable[[], bool]
+) -> None:
+    """The curve, and of it the assembly with the best objective."""
+    outcome = fitted.outcome
+    fitted.curve = cut_down(outcome.rows, Judge(target, config, device), config, should_stop)
+    best = max(fitted.curve, key=lambda cut: cut.score.objective)
+    place = {old: new for new, old in enumerate(best.kept)}
+    moved = not np.array_equal(best.rows, outcome.rows[list(best.kept)])
+    fitted.rich_names = fitted.names
+    if fitted.names is not None:
+        fitted.names = [fitted.names[old] for old in best.kept]
+    fitted.copies = [
+        replace(copy, source=place[copy.source], index=place[copy.index])
+        for copy in fitted.copies
+        if not moved and copy.source in place and copy.index in place
+    ]
+    _take(fitted, best.rows, target, config, device)
+
+
+def _snap(
+    fitted: Fitted, target: Target, config: FitConfig, device: wp.Device, should_stop: Callable[[], bool]
+) -> None:
+    """The assembly made regular; the relations that hold in it."""
+    rows, relations = snap(fitted.outcome.rows, target, config, device, fitted.copies, should_stop)
+    if fitted.names is not None:
+        # Parts that symmetry added belong to no part of the mesh; where it took some out, no name is sure.
+        same = len(rows) >= len(fitted.names)
+        more = [f"mirrored_{number:02d}" for number in range(1, len(rows) - len(fitted.names) + 1)]
+        fitted.names = fitted.names + more if same else None
+    _take(fitted, rows, target, config, device)
+    fitted.snapped = True
+    fitted.relations = [*_copies(fitted), *relations]
+
+
+def _take(fitted: Fitted, rows: np.ndarray, target: Target, config: FitConfig, device: wp.Device) -> None:
+    """Put rows in place of the outcome's."""
+    judge = Judge(target, config, device)
+    fitted.outcome = replace(
+        fitted.outcome,
+        rows=rows,
+        families=judge.families(rows),
+        score=judge.score(rows),
+        iou=grid_iou(rows, target, config, device),
+    )
+
+
+def _copies(fitted: Fitted) -> list[Relation]:
+    """The copies, as relations."""
+    names = fitted.names or []
+    return [
+        Relation(
+            "copy",
+            (copy.source, copy.index),
+            {"of": names[copy.source], "how": "mirrored" if np.linalg.det(copy.turn) < 0 else "moved"},
+        )
+        for copy in fitted.copies
+        if names
+    ]
