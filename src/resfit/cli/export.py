@@ -25,8 +25,8 @@ def export(
         assembly: the assembly.json to read.
         outputs: the files to write.
         merged: one surface of the smooth union (PLY and STL unless told otherwise), or one object a part.
-        top: only so many parts, the most worthwhile: by the gains in the report.json beside the assembly, or else by the
-            volume that each alone holds.
+        top: only so many parts, the most worthwhile: by the gains in the report.json beside the assembly, or else by
+            the volume that each alone holds.
         resolution: cells along the longest side, of the whole or of each part.
         device: auto, cpu or cuda:0.
     """
