@@ -28,9 +28,6 @@ from .datasets import Shape
 ROUNDS = 2
 """Of a variant that iterates: the paper's ablations have two."""
 
-ADAM_SHAPES = 6
-"""Adam takes many times as long, so its study has only the first so many meshes."""
-
 
 @dataclass(frozen=True)
 class Variant:
@@ -51,12 +48,6 @@ class Study:
     variants: tuple[Variant, ...]
     sentences: Callable[[Means], list[str]]
     """What the table says, from the means of its rows by their labels."""
-    most: int | None = None
-    """Meshes, the first ones; None takes all."""
-
-    def shapes(self, shapes: Sequence[Shape]) -> list[Shape]:
-        """The meshes of this study."""
-        return list(shapes[: self.most])
 
 
 def ours(**changes: Any) -> str:
@@ -104,7 +95,6 @@ OPTIMIZER = Study(
         Variant("Adam, learned sweep axis", ours(optimizer="adam", adam__axis="learned", rounds=ROUNDS)),
     ),
     optimizer_sentences,
-    ADAM_SHAPES,
 )
 
 MOVES = Study(
@@ -165,5 +155,5 @@ def run_studies(
     for number, study in enumerate(studies):
         methods = tuple(variant.method for variant in study.variants)
         comparison = Comparison(out, methods, timeout, False, None, device, fresh and number == 0)
-        rows[study.name] = run_comparison(comparison, study.shapes(shapes), on_row)
+        rows[study.name] = run_comparison(comparison, shapes, on_row)
     return rows

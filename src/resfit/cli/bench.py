@@ -70,7 +70,7 @@ def ablation(
     if not shapes:
         raise InputError("there is no mesh for the ablation; give files, folders or lists of meshes.")
     check_out(output)
-    total = sum(len(study.variants) * len(study.shapes(shapes)) for study in asked)
+    total = len(shapes) * sum(len(study.variants) for study in asked)
     seen: list[dict[str, Any]] = []
 
     def show(row: dict[str, Any]) -> None:

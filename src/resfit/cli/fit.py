@@ -68,7 +68,7 @@ def fit(
         objective: rounds of fitting to the volume (volume, unless given), or only the parts of --init moved to lessen
             the Chamfer distance between the surfaces (chamfer).
         decompose: how to cut what is unexplained: by thickness (msd, unless given) or into convex pieces (coacd).
-        optimizer: second-order steps (levenberg, unless given) or the paper's Adam (adam), which is slower.
+        optimizer: second-order steps (levenberg, unless given) or the paper's Adam (adam), which fits less well.
         parsimony: what a part must add to the objective to be worth having; 0.0025 unless given.
         snap: make the result regular: symmetry, canonical shapes, equal axes, sizes and centres.
         pareto: write the best assembly of every number of parts too; the fit itself is the one that pays best.
