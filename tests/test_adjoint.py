@@ -9,7 +9,7 @@ from reference import primitive, union
 from scenes import random_rows
 from scipy.spatial.transform import Rotation
 
-from resfit.fitter.adam import to_raw
+from resfit.fitter.first_order import to_raw
 from resfit.kernels import launch as launching
 from resfit.kernels.activation import activate_rows
 from resfit.kernels.adjoint import differentiable_assembly, differentiable_union
