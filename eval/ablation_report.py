@@ -133,6 +133,7 @@ def _introduction(rows: Mapping[str, Sequence[Row]]) -> str:
     return (
         f"Written by `resfit bench ablation` {version('resfit')} from rows in `{ROWS}`: {shown}"
         f" ({', '.join(meshes)}), one process a fit. IoU and BiSurfIoU (sigma 0.02) in percent; best in bold. Unless a"
-        " row says otherwise it is the preset balanced with superfrusta, smooth unions, MSD and Levenberg steps, in two"
-        " rounds (a single shot: one). The sentences below the tables are made from the numbers in them."
+        " row or title says otherwise it is the preset balanced with superfrusta, smooth unions, MSD and Levenberg"
+        " steps, in two rounds (a single shot: one), of the whole mesh at once. The sentences below the tables are made"
+        " from the numbers in them."
     )

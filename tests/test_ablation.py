@@ -14,7 +14,7 @@ import trimesh
 from resfit.cli import main
 from resfit.errors import InputError
 from resfit.eval import compare
-from resfit.eval.ablation import OPTIMIZER, STUDIES, check_studies, ours
+from resfit.eval.ablation import OPTIMIZER, STUDIES, check_studies, ours, whole
 from resfit.eval.ablation_report import UNFINISHED, common_rows, markdown, say
 from resfit.eval.methods import find_method, split_methods
 from resfit.eval.methods.ours import configuration, known_options
@@ -94,6 +94,7 @@ def test_lists_of_methods_may_hold_variants() -> None:
 
 def test_every_variant_of_every_study_is_legal_and_named_once() -> None:
     assert ours(union="smooth", rounds=2) == "ours:rounds=2" and ours(union="smooth") == "ours"
+    assert whole(rounds=1) == "ours:rounds=1,per_part=off"
     for study in STUDIES.values():
         for variant in study.variants:
             configuration(find_method(variant.method).options)

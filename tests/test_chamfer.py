@@ -119,5 +119,8 @@ def test_bad_usage():
     box = trimesh.creation.box((1, 1, 1))
     with pytest.raises(InputError, match="--init"):
         fit(box, objective="chamfer")
+    lamp = Assembly.load(str(files("resfit.data") / "desk_lamp.json"))
+    with pytest.raises(InputError, match="--snap"):
+        fit(box, objective="chamfer", init=lamp, snap=True)
     with pytest.raises(InputError, match="no such objective"):
         fit(box, objective="beauty")  # type: ignore[arg-type]

@@ -34,14 +34,14 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.assembly import Assembly
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
-    from ...fitter.loop import fit_target
+    from ...fitter.stages import fit_stages
     from ...kernels.launch import choose_device
     from ...target.target import make_target
 
     config = configuration(options)
     device = choose_device(config.device)
     target = make_target(mesh_path, device, config.resolution, config.samples, config.seed)
-    outcome = fit_target(target, config, device)
+    outcome = fit_stages(target, config, device).outcome
     recorded = {"preset": config.preset, "primitive": config.primitive, "rounds": config.rounds}
     recorded |= {name: str(value) for name, value in options.items() if name not in recorded}
     provenance = Provenance.current(

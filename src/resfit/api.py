@@ -93,7 +93,7 @@ def fit(
     clock = clock or Clock.now()
     config = make_config(config, preset, dict(options))
     start = None if init is None else load_init(init)
-    check_objective(objective, start)
+    check_objective(objective, start, config)
     begin, compiled = Clock.now(), launch.compile_seconds
     device = launch.choose_device(config.device)
     timings = {"start": clock.wall_s}
@@ -156,8 +156,8 @@ def evaluate(
     return evaluate_prediction(prediction, target, align=align, emd=emd, features=features, device=device)
 
 
-def check_objective(objective: str | None, start: Assembly | None) -> None:
-    """Refuse an objective that does not exist, or lacks the assembly that it needs.
+def check_objective(objective: str | None, start: Assembly | None, config: FitConfig) -> None:
+    """Refuse an objective that does not exist, lacks the assembly that it needs, or does not go with other options.
 
     Raises:
         InputError: if so.
@@ -168,6 +168,8 @@ def check_objective(objective: str | None, start: Assembly | None) -> None:
         raise InputError(
             "--objective chamfer moves the parts of an assembly; give one that has parts with --init."
         )
+    if objective == "chamfer" and (config.snap or config.pareto):
+        raise InputError("--objective chamfer only moves parts; --snap and --pareto need a fit without it.")
 
 
 def move_parts(
