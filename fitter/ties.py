@@ -54,6 +54,7 @@ class Ties:
             blend = rows[copy.index, BLEND]
             moved = move_rows(rows[copy.source : copy.source + 1], copy.turn, np.zeros(3), copy.shift)
             rows[copy.index] = moved[0]
+            rows[copy.index, ROTATION : ROTATION + 4] = _plainest(moved[0], families[copy.index])
             # How a part joins those before it depends on its place in the list, not on its shape.
             rows[copy.index, BLEND] = blend
         return rows
@@ -108,10 +109,18 @@ def turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return tidy(np.concatenate([[1.0 + start @ end], np.cross(start, end)]))
 
 
-def _own_turns(row: np.ndarray, name: str) -> list[tuple[np.ndarray, bool, bool]]:
+def _plainest(row: np.ndarray, name: str) -> np.ndarray:
+    """Of the quaternions (4,) that say the same of a primitive, the one nearest to no rotation."""
+    own = row[ROTATION : ROTATION + 4].astype(np.float64)
+    found = [multiply(own, turn) for turn, _, _ in _own_turns(row, name, 0.0)]
+    # Rounded, so that of equally near ones it is always the first; and no zero is negative.
+    return canonical_sign(max(found, key=lambda turned: round(abs(float(turned[0])), 5))) + 0.0
+
+
+def _own_turns(row: np.ndarray, name: str, near: float = NEARLY) -> list[tuple[np.ndarray, bool, bool]]:
     """Rotations that take the primitive to itself, and whether each asks for no bend, and for no taper."""
     turns = [(np.array([1.0, 0.0, 0.0, 0.0]), False, False)]
-    straight, prism = is_straight(row, name, NEARLY), is_prism(row, name, NEARLY)
+    straight, prism = is_straight(row, name, near), is_prism(row, name, near)
     if straight:
         turns.append((np.array([0.0, 0.0, 0.0, 1.0]), True, False))
     if prism:

@@ -1,0 +1,102 @@
+"""The trade-off curve of a fit, its files, and assemblies cut to their most worthwhile parts."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import resfit
+import resfit.cli
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.primitive import Pose, Primitive
+from resfit.assembly.worth import exclusive_volumes, part_worths
+from resfit.errors import InputError
+from resfit.folder import PARETO
+from resfit.result import FitResult
+
+
+@pytest.fixture(scope="module")
+def result() -> FitResult:
+    """Three boxes of falling size in a row."""
+    boxes = [trimesh.creation.box((size, size, size)) for size in (2.0, 1.5, 1.0)]
+    for box, place in zip(boxes, (0.0, 2.5, 4.5), strict=True):
+        box.apply_translation((place, 0.0, 0.0))
+    return resfit.fit(trimesh.util.concatenate(boxes), preset="fast", device="cpu", pareto=True)
+
+
+def test_curve_rises_to_the_chosen_one(result: FitResult) -> None:
+    curve = result.curve
+    assert curve is not None
+    counts = [point.count for point in curve.points]
+    assert counts == list(range(1, len(counts) + 1)) and len(counts) >= 3
+    assert [len(assembly.primitives) for assembly in curve.assemblies] == counts
+    (chosen,) = [index for index, point in enumerate(curve.points) if point.chosen]
+    assert curve.assemblies[chosen].rows().tobytes() == result.assembly.rows().tobytes()
+    assert curve.points[chosen].objective == max(point.objective for point in curve.points)
+    assert curve.points[chosen].objective == pytest.approx(result.objective["objective"], abs=1e-5)
+    assert curve.points[2].iou > 0.95 > curve.points[0].iou
+    assert result.metrics["iou"] == pytest.approx(curve.points[chosen].iou, abs=1e-5)
+
+
+def test_files_come_and_go(result: FitResult, tmp_path: Path) -> None:
+    folder = result.save(tmp_path / "fit")
+    assert {path.name for path in folder.iterdir()} >= {*PARETO, "pareto"}
+    assert result.curve is not None
+    saved = sorted((folder / "pareto").iterdir())
+    assert [path.name for path in saved] == [
+        f"assembly_{point.count:02d}.json" for point in result.curve.points
+    ]
+    assert Assembly.load(saved[0]).transform == result.assembly.transform
+    rows = json.loads((folder / "pareto.json").read_text())
+    with (folder / "pareto.csv").open() as stream:
+        table = list(csv.DictReader(stream))
+    assert [row["count"] for row in table] == [str(row["count"]) for row in rows]
+    assert float(table[-1]["iou"]) == rows[-1]["iou"] and set(rows[0]) >= {
+        "surface_p95",
+        "floats",
+        "objective",
+    }
+    assert (folder / "pareto.svg").read_text().startswith("<svg")
+    # The fit that replaces it has no curve; what others put into the folder stays.
+    (folder / "pareto" / "notes.txt").write_text("mine")
+    plain = resfit.FitResult(**{**result.__dict__, "curve": None})
+    plain.save(folder)
+    assert not any((folder / name).exists() for name in PARETO)
+    assert [path.name for path in (folder / "pareto").iterdir()] == ["notes.txt"]
+    result.save(folder)
+    (folder / "pareto" / "notes.txt").unlink()
+    plain.save(folder)
+    assert not (folder / "pareto").exists()
+
+
+def crate(name: str, size: float, place: float) -> Primitive:
+    return Primitive("cuboid", name, Pose((place, 0.0, 0.0)), {"size": (size, size, size)})
+
+
+def test_worth_is_what_a_part_alone_holds() -> None:
+    assembly = Assembly((crate("large", 0.8, -0.4), crate("hidden", 0.6, -0.4), crate("small", 0.4, 0.5)))
+    large, hidden, small = exclusive_volumes(assembly, "cpu")
+    assert large == pytest.approx(0.8**3 - 0.6**3, rel=0.1) and small == pytest.approx(0.4**3, rel=0.1)
+    assert 0.0 < hidden < 1e-3
+    assert [part.name for part in assembly.top(2, [large, hidden, small]).primitives] == ["large", "small"]
+    assert exclusive_volumes(Assembly(), "cpu") == []
+    assert assembly.top(9, [1.0, 2.0, 3.0]) == assembly
+
+
+def test_export_of_the_most_worthwhile(result: FitResult, tmp_path: Path) -> None:
+    folder = result.save(tmp_path / "fit")
+    path, small = folder / "assembly.json", tmp_path / "small.glb"
+    assert resfit.cli.main(["export", str(path), str(small), "--top", "1", "--device", "cpu"]) == 0
+    best = result.assembly.primitives[int(np.argmax(result.gains))].name
+    assert list(trimesh.load_scene(small).geometry) == [best]
+    assert part_worths(result.assembly, path) == [round(gain, 6) for gain in result.gains]
+    # Without the report beside it, and with one of other parts, volumes tell: the largest box again.
+    (folder / "report.json").unlink()
+    assert part_worths(result.assembly, path, "cpu") == exclusive_volumes(result.assembly, "cpu")
+    assert int(np.argmax(part_worths(result.assembly, path, "cpu"))) == int(np.argmax(result.gains))
+    assert resfit.cli.main(["export", str(path), str(small), "--top", "0"]) == InputError.exit_code
