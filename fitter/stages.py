@@ -19,6 +19,9 @@ from .snap import snap
 from .ties import Copied
 from .trade_off import RICH_SHARE, Cut, cut_down
 
+CURVE_BEGINS, SNAP_BEGINS = 0.7, 0.85
+"""Shares of the work, as progress counts it, that are done when these stages begin."""
+
 
 @dataclass
 class Fitted:
@@ -49,21 +52,35 @@ def fit_stages(
     start_rows: np.ndarray | None = None,
 ) -> Fitted:
     """Fit a target with everything that the configuration asks for; the arguments are those of `fit_target`."""
+    share = CURVE_BEGINS if config.pareto else SNAP_BEGINS if config.snap else 1.0
+    tell = on_progress or (lambda progress: None)
+
+    def tell_share(progress: Progress) -> None:
+        tell(replace(progress, fraction=share * progress.fraction))
+
     priced = replace(config, parsimony=RICH_SHARE * config.parsimony) if config.pareto else config
     fitted = None
     if start_rows is None and takes_apart(config):
-        parts = fit_parts(target, priced, device, on_progress, should_stop, config.per_part == "on")
+        parts = fit_parts(target, priced, device, tell_share, should_stop, config.per_part == "on")
         if parts is not None:
             fitted = Fitted(parts.outcome, parts.names, parts.copies, notes=parts.notes)
     if fitted is None:
-        fitted = Fitted(fit_target(target, priced, device, on_progress, should_stop, start_rows))
+        fitted = Fitted(fit_target(target, priced, device, tell_share, should_stop, start_rows))
     if config.pareto and len(fitted.outcome.rows):
+        tell(_progress("curve", fitted.outcome, CURVE_BEGINS))
         _cut(fitted, target, config, device, should_stop)
     if config.snap and not fitted.outcome.status.stopped_early:
+        tell(_progress("snap", fitted.outcome, SNAP_BEGINS))
         _snap(fitted, target, config, device, should_stop)
     else:
         fitted.relations = _copies(fitted)
     return fitted
+
+
+def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
+    """A stage after the rounds begins."""
+    count = len(outcome.rows)
+    return Progress(stage, 1, 1, count, outcome.score.objective, outcome.iou, done)
 
 
 def takes_apart(config: FitConfig) -> bool:

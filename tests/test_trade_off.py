@@ -100,3 +100,17 @@ def test_export_of_the_most_worthwhile(result: FitResult, tmp_path: Path) -> Non
     assert part_worths(result.assembly, path, "cpu") == exclusive_volumes(result.assembly, "cpu")
     assert int(np.argmax(part_worths(result.assembly, path, "cpu"))) == int(np.argmax(result.gains))
     assert resfit.cli.main(["export", str(path), str(small), "--top", "0"]) == InputError.exit_code
+
+
+def test_progress_of_all_stages() -> None:
+    boxes = [trimesh.creation.box((1.0, 1.0, 1.0)), trimesh.creation.box((0.5, 2.0, 0.5))]
+    boxes[1].apply_translation((2.0, 0.0, 0.0))
+    seen: list = []
+    options = {"preset": "fast", "device": "cpu", "rounds": 1, "snap": True, "pareto": True, "per_part": "on"}
+    result = resfit.fit(trimesh.util.concatenate(boxes), None, seen.append, **options)
+    assert [entry.stage for entry in seen][-2:] == ["curve", "snap"] and "parts" in [
+        entry.stage for entry in seen
+    ]
+    fractions = [entry.fraction for entry in seen]
+    assert fractions == sorted(fractions) and fractions[-1] <= 1.0
+    assert result.snapped and [part.name for part in result.assembly.primitives][:2] == ["body_01", "body_02"]

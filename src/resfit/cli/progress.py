@@ -29,6 +29,9 @@ STAGES = {
     "refine": "refining",
     "prune": "pruning",
     "finish": "finishing",
+    "parts": "fitting the mesh's parts",
+    "curve": "cutting down",
+    "snap": "making it regular",
 }
 """What people are told; a stage that is not here goes by its own name."""
 
