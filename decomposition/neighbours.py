@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from .region import Region, region_from_mask
 
@@ -56,12 +57,19 @@ def neighbour_pairs(labels: np.ndarray, count: int) -> list[tuple[int, int]]:
 def part_regions(labels: np.ndarray, parts: list[tuple[int, ...]], source: str) -> list[Region]:
     """One region for each group of parts, cropped to its box; groups of too few cells are left out."""
     resolution = labels.shape[0]
+    boxes = ndimage.find_objects(labels + 1)
     regions = []
     for group in parts:
-        mask = labels == group[0]
+        held = [boxes[part] for part in group if part < len(boxes) and boxes[part] is not None]
+        if not held:
+            continue
+        lower = [min(box[axis].start for box in held) for axis in range(3)]
+        upper = [max(box[axis].stop for box in held) for axis in range(3)]
+        within = labels[tuple(slice(a, b) for a, b in zip(lower, upper, strict=True))]
+        mask = within == group[0]
         for other in group[1:]:
-            mask |= labels == other
-        region = region_from_mask(mask, np.zeros(3, np.int32), resolution, source)
+            mask |= within == other
+        region = region_from_mask(mask, np.array(lower, np.int32), resolution, source)
         if region is not None and region.volume >= SMALLEST:
             regions.append(region)
     return regions

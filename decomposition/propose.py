@@ -6,10 +6,12 @@ import numpy as np
 import warp as wp
 
 from .coarse import working_grid
+from .holes import hole_parts
 from .msd import decompose
 from .region import Region, without_duplicates
 from .residual import SMALLEST_VOLUME, find_residual, residual_components
 from .runs import straight_parts
+from .sections import section_parts
 
 FRACTIONS = (0.005, 0.03, 0.12)
 """Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
@@ -50,6 +52,9 @@ def propose_regions(
     working = working_grid(residual)
     found += decompose(working, fractions, device)
     found += straight_parts(working)
+    found += section_parts(working)
+    if first_round:
+        found += hole_parts(working)
     # The sort is stable: of equal volumes the whole stays before components, and these before parts.
     found.sort(key=lambda region: -region.volume)
     return without_duplicates(found)[:most]

@@ -14,8 +14,8 @@ from ..kernels.rows import BLEND, SHAPES
 from .objective import Score, Tally
 from .refine import fold
 
-BLEND_CHOICES = (0.0, 0.01, 0.02, 0.04, 0.08)
-"""Blend radii that are tried, normalised units."""
+BLEND_CHOICES = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.14)
+"""Blend radii that are tried, ascending, normalised units."""
 
 
 def values_at(
@@ -37,24 +37,38 @@ def score_values(values: np.ndarray, blends: np.ndarray, tally: Tally, alpha: fl
     return tally.score(fold(values, blends) < 0, twice, len(values), alpha)
 
 
-def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, alpha: float) -> np.ndarray:
-    """Rows with each blend set, in turn, to the choice that scores best while all others stay."""
+def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally) -> np.ndarray:
+    """Rows with each blend set, in turn, to the choice that scores best while all others stay.
+
+    Args:
+        values: (primitive_count, n) distances at the samples.
+        rows: (primitive_count, ROW).
+        tally: the objective's sums.
+    """
     rows = rows.copy()
-    prefix = values[:1]
+    blends = rows[:, BLEND]
+    union = fold(values, blends)
+    held = tally.sums(union < 0)
+    # A blend moves a surface by a quarter of itself at most.
+    near = np.flatnonzero(np.abs(union) < max(BLEND_CHOICES[-1], float(blends.max(initial=0.0))))
+    values, union = values[:, near], union[near]
+    prefix = values[0]
     for k in range(1, len(rows)):
-        best, best_score = rows[k, BLEND], -np.inf
+        widest = max(BLEND_CHOICES[-1], float(blends[k]))
+        at = np.flatnonzero(np.abs(values[k] - prefix) < widest)
+        rest = held - tally.sums(near[at[union[at] < 0]])
+        stack = np.concatenate([prefix[None, at], values[k:, at]])
+        best = (-np.inf, float(blends[k]), union[at], held)
         for choice in BLEND_CHOICES:
-            rows[k, BLEND] = choice
-            stack = np.concatenate([prefix[-1:], values[k:]])
-            blends = np.concatenate([[0.0], rows[k:, BLEND]])
-            covered = fold(stack, blends) < 0
-            nothing = np.zeros(len(covered), bool)
-            score = tally.score(covered, nothing, len(rows), alpha).objective
+            blends[k] = choice
+            folded = fold(stack, np.concatenate([[0.0], blends[k:]]))
+            sums = rest + tally.sums(near[at[folded < 0]])
             # A blend must earn its place: no smooth joint where a plain one is as good.
-            if score > best_score + (1e-5 if choice else 0.0):
-                best, best_score = choice, score
-        rows[k, BLEND] = best
-        prefix = np.stack([prefix[-1], fold(np.stack([prefix[-1], values[k]]), rows[k - 1 : k + 1, BLEND])])
+            score = float(tally.objective(np.append(sums, 0.0), 0, 0.0)) - (1e-5 if choice else 0.0)
+            if score > best[0]:
+                best = (score, choice, folded, sums)
+        _, blends[k], union[at], held = best
+        prefix = fold(np.stack([prefix, values[k]]), np.array([0.0, blends[k]]))
     return rows
 
 

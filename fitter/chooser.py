@@ -29,12 +29,19 @@ class Chooser:
         everywhere = np.arange(bits.shape[1])
         self.sums = self._weigh(everywhere, np.ones(len(everywhere)), everywhere[:0], np.zeros(0))
 
+    def save(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+        """What `restore` needs to come back to this choice."""
+        return self.counts.copy(), self.held.copy(), self.sums.copy(), list(self.chosen)
+
+    def restore(self, saved: tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]) -> None:
+        """Come back to a saved choice, which this one then owns."""
+        self.counts, self.held, self.sums, self.chosen = saved
+
     def copy(self) -> Chooser:
         """An independent choice that goes on from here."""
         other = object.__new__(Chooser)
         other.__dict__.update(self.__dict__)
-        other.counts, other.held, other.sums = self.counts.copy(), self.held.copy(), self.sums.copy()
-        other.chosen = list(self.chosen)
+        other.restore(self.save())
         return other
 
     def _weigh(

@@ -16,7 +16,7 @@ Preset = Literal["fast", "balanced", "best"]
 class ProposeConfig:
     """Candidate fits of one round."""
 
-    regions: int = 48
+    regions: int = 72
     """Most regions tried in a round."""
     splits: int = 12
     """Primitives, the worst ones, whose parts are tried anew."""
@@ -51,6 +51,14 @@ class RefineConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PolishConfig:
+    """The last step of a fit: blends are chosen and all primitives refined, in turn."""
+
+    passes: int = 2
+    refine: RefineConfig = RefineConfig(iterations=30, overlap=0.2, betas=(120.0, 400.0))
+
+
+@dataclass(frozen=True, kw_only=True)
 class AdamConfig:
     """The paper-style optimiser (`optimizer="adam"`)."""
 
@@ -77,6 +85,9 @@ class AdamConfig:
     """Share of the steps after which a learned axis is settled."""
 
 
+SHARP = (80.0, 300.0)
+"""Sharpness of plain rounds: a blunt step would wash out what earlier rounds made fine."""
+
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "rounds": 2,
@@ -85,22 +96,28 @@ PRESETS: dict[str, dict[str, Any]] = {
         "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
         "select": SelectConfig(),
         "refine": RefineConfig(iterations=14),
+        "sharpen": RefineConfig(iterations=14, betas=SHARP),
+        "polish": PolishConfig(passes=1),
     },
     "balanced": {
-        "rounds": 10,
+        "rounds": 16,
         "excursions": 1,
         "samples": 16_384,
         "propose": ProposeConfig(),
         "select": SelectConfig(),
         "refine": RefineConfig(),
+        "sharpen": RefineConfig(betas=SHARP),
+        "polish": PolishConfig(),
     },
     "best": {
-        "rounds": 20,
+        "rounds": 30,
         "excursions": 2,
         "samples": 32_768,
         "propose": ProposeConfig(regions=96, points=1024, keep=(10, 3), iterations=(8, 10, 16)),
         "select": SelectConfig(beam=8),
         "refine": RefineConfig(iterations=48),
+        "sharpen": RefineConfig(iterations=48, betas=SHARP),
+        "polish": PolishConfig(passes=3),
     },
 }
 
@@ -151,6 +168,10 @@ class FitConfig:
     propose: ProposeConfig = FROM_PRESET
     select: SelectConfig = FROM_PRESET
     refine: RefineConfig = FROM_PRESET
+    """In rich rounds, which find where things go."""
+    sharpen: RefineConfig = FROM_PRESET
+    """In plain rounds."""
+    polish: PolishConfig = FROM_PRESET
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:

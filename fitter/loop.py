@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
 from ..decomposition.coacd import propose_convex_regions
-from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
 from ..decomposition.propose import propose_regions
 from ..decomposition.region import Region
-from ..kernels.field import cell_centres, union_at
-from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
-from ..kernels.primitive_set import PrimitiveSet
-from ..kernels.rows import BLEND, ROW
-from ..target.deviation import surface_distances
+from ..kernels.rows import BLEND, SHAPES
 from ..target.target import Target
 from .adam import refine_with_adam
-from .assess import choose_blends, rough_volume, score_values, sorted_by_volume, values_at
-from .config import FitConfig
+from .assess import choose_blends, rough_volume, sorted_by_volume
+from .config import FitConfig, RefineConfig
 from .memory import CandidateMemory
-from .objective import Score, Tally
+from .objective import Score
 from .outcome import Outcome, Round, Status
+from .probes import with_probes
 from .propose import seed_regions
-from .refine import fold, refine
-from .samples import objective_samples
+from .refine import refine
 from .select import prune, select
+from .workbench import Progress, Workbench
 
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
@@ -45,26 +39,15 @@ ADAM_SEEDS = 7
 REACHED = (Status.TARGET_IOU, Status.TOLERANCE)
 """Stops that the rows of the moment have earned: another set, or a last polish by the objective, may fall short."""
 
-STARTING_BLEND = 0.02
-"""Blend radius of new primitives while they are refined; the last step chooses one for each."""
+STARTING_BLEND = 0.25
+"""Blend of a new primitive, as a share of its thickness, until one is chosen for it."""
+
+WIDEST_START = 0.05
+"""The same at most, normalised units."""
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a fit is, for whoever shows it."""
-
-    stage: str
-    round: int
-    rounds: int
-    primitive_count: int
-    objective: float
-    iou: float
-    fraction: float
-    """Rough share of the work done, 0 to 1."""
-
-
-class Fit:
-    """One fit in progress: the target, what does not change between rounds, and the best so far."""
+class Fit(Workbench):
+    """The rounds of a fit, and the best set so far."""
 
     def __init__(
         self,
@@ -75,98 +58,14 @@ class Fit:
         should_stop: Callable[[], bool] = lambda: False,
         start_rows: np.ndarray | None = None,
     ):
-        self.target, self.config, self.device = target, config, device
-        self.on_progress = on_progress or (lambda progress: None)
-        self.interrupted = should_stop
-        self.begin = time.perf_counter()
-        self.samples = objective_samples(target)
-        self.blocks: PointBlocks = point_blocks(self.samples.points, device)
-        self.tally = Tally(self.samples)
-        shape, lower, spacing = cell_centres(target.resolution)
-        self.grid_shape = shape
-        self.grid_points = grid_blocks(shape, lower, spacing, device)
+        super().__init__(target, config, device, on_progress, should_stop, start_rows)
         self.memory = CandidateMemory()
-        self.alpha = config.parsimony
         self.rounds: list[Round] = []
-        self.timings: dict[str, float] = {}
-        self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
-        self.score = self.assess(self.rows)
-        self.iou = 0.0
-        self.field: np.ndarray | None = None
-        if len(self.rows):
-            self.look()
         self.best_rows, self.best_score, self.best_iou = self.rows, self.score, self.iou
-
-    # What everything below asks -----------------------------------------------------------------------------------
-
-    def families(self, rows: np.ndarray) -> list[str]:
-        """The family of each row."""
-        return [self.config.primitive] * len(rows)
-
-    def values(self, rows: np.ndarray) -> np.ndarray:
-        """Distances (primitive_count, n) at the samples."""
-        return values_at(rows, self.families(rows), self.blocks, self.device)
-
-    def assess(self, rows: np.ndarray) -> Score:
-        """The objective of rows as they are, blends included."""
-        return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)
-
-    def look(self) -> None:
-        """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU."""
-        with self.timed("field"):
-            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
-            self.field = from_grid_blocks(union_at(primitives, self.grid_points).numpy(), self.grid_shape)
-            inside, held = self.target.grid < 0, self.field < 0
-            self.iou = float((inside & held).sum() / max(1, (inside | held).sum()))
-
-    @contextmanager
-    def timed(self, stage: str) -> Iterator[None]:
-        """Add the wall time of a block to its stage."""
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.timings[stage] = self.timings.get(stage, 0.0) + time.perf_counter() - begin
-
-    def out_of_time(self) -> bool:
-        """Whether the time-out has passed."""
-        return 0 < self.config.timeout < time.perf_counter() - self.begin
-
-    def should_stop(self) -> bool:
-        """Whether to return the best so far at once."""
-        return self.interrupted() or self.out_of_time()
-
-    def tell(self, stage: str, number: int, within: float) -> None:
-        """Report progress: `within` is the share of the round that is done."""
-        rounds = self.config.rounds
-        # Most fits saturate early: the share is that of a fit of half the allowed rounds, approached smoothly.
-        done = 1.0 - 0.5 ** ((number + within) / max(1.0, 0.3 * rounds))
-        self.on_progress(
-            Progress(stage, number + 1, rounds, len(self.rows), self.score.objective, self.iou, done)
-        )
-
-    # The rounds ---------------------------------------------------------------------------------------------------
 
     def run(self) -> Outcome:
         """All rounds, then the blends and a last refinement."""
-        status, excursions, since = Status.ROUNDS, self.config.excursions, 0
-        for number in range(self.config.rounds):
-            reason = self.reason_to_stop()
-            if reason is None:
-                last = number + 1 == self.config.rounds
-                rich = RICH_ROUNDS[since] if since < len(RICH_ROUNDS) and not last else None
-                rose = self.round(number, rich)
-                since += 1
-                reason = self.reason_to_stop()
-                if reason is None and not rose and rich is None:
-                    # One more try from a rich assembly, if there is room to make it plain again.
-                    if excursions and self.config.rounds - number > len(RICH_ROUNDS) + 1:
-                        excursions, since = excursions - 1, 0
-                    else:
-                        reason = Status.SATURATED
-            if reason is not None:
-                status = reason
-                break
+        status = self.run_tracks()
         if status in REACHED:
             self.score = replace_price(self.score, self.config.parsimony, self.alpha)
         else:
@@ -188,6 +87,66 @@ class Fit:
             self.timings,
         )
 
+    def run_tracks(self) -> Status:
+        """Tracks one after the other, each until it saturates; then what they found is put together.
+
+        A greedy search ends where its beginning leads it. A second beginning, from nothing and at the full price, ends
+        elsewhere; the candidates of all serve all, so that it costs little.
+        """
+        number, started = 0, bool(len(self.rows))
+        ends: list[np.ndarray] = []
+        peers = self.config.optimizer == "adam" or self.config.decompose == "coacd"
+        for track in range(1 if peers else 1 + self.config.excursions):
+            beginning = RICH_ROUNDS
+            if track % 2 and not started:
+                beginning = ()
+                self.restart()
+            elif track:
+                self.look()
+            status, number = self.run_track(number, beginning)
+            ends.append(self.rows)
+            self.rows, self.score, self.iou = self.best_rows, self.best_score, self.best_iou
+            if status is not Status.SATURATED:
+                return status
+        if len(ends) > 1:
+            self.look()
+            return self.run_track(number, (), np.concatenate(ends))[0]
+        return Status.SATURATED
+
+    def restart(self) -> None:
+        """Begin anew from nothing."""
+        self.rows, self.field, self.iou = self.rows[:0], None, 0.0
+        self.score = self.assess(self.rows)
+
+    def run_track(
+        self, number: int, beginning: tuple[tuple[float, float], ...], others: np.ndarray | None = None
+    ) -> tuple[Status, int]:
+        """Rounds until one no longer pays; the stop, and the number of the next round.
+
+        Args:
+            number: of the first round.
+            beginning: price and weight of false volume of the first, rich rounds.
+            others: rows of other tracks, on offer in the first round.
+        """
+        top, since = -np.inf, 0
+        while number < self.config.rounds:
+            reason = self.reason_to_stop()
+            if reason is not None:
+                return reason, number
+            last = number + 1 == self.config.rounds
+            rich = beginning[since] if since < len(beginning) and not last else None
+            self.round(number, rich, others if not since else None)
+            number, since = number + 1, since + 1
+            reason = self.reason_to_stop()
+            if reason is not None:
+                return reason, number
+            if rich is None:
+                score = replace_price(self.score, self.config.parsimony, self.alpha).objective
+                if score - top <= SATURATION:
+                    return Status.SATURATED, number
+                top = score
+        return Status.ROUNDS, number
+
     def reason_to_stop(self) -> Status | None:
         """The stop that holds now, if any."""
         if self.interrupted():
@@ -202,17 +161,8 @@ class Fit:
             return Status.MAX_PRIMITIVES
         return None
 
-    def deviation(self) -> float:
-        """95th percentile of the two-sided surface distance, in the mesh's units."""
-        with self.timed("tolerance"):
-            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
-            distance = surface_distances(self.target, primitives)
-        return (
-            np.inf if distance is None else float(np.percentile(distance, 95)) * self.target.transform.scale
-        )
-
-    def round(self, number: int, rich: tuple[float, float] | None) -> bool:
-        """One round. Returns whether the best so far rose enough.
+    def round(self, number: int, rich: tuple[float, float] | None, others: np.ndarray | None = None) -> None:
+        """One round; `others` are further candidates.
 
         A rich round, given its share of the price and its weight of false volume, is gone on from whatever it comes
         to; a plain one only if the objective rises.
@@ -225,27 +175,28 @@ class Fit:
         with self.timed("decompose"):
             regions = self.cut()
         if not regions or self.should_stop():
-            return False
+            return
         self.tell("propose", number, 0.15)
         with self.timed("propose"):
-            candidates = self.memory.fit_new(
-                regions, self.target.grid, config, config.seed + number, self.device
-            )
+            candidates = self.propose(regions, number)
+            if others is not None:
+                candidates = np.concatenate([others, candidates])
+            candidates[:, BLEND] = starting_blends(candidates) if config.union == "smooth" else 0.0
             pool = np.concatenate([self.rows, candidates])
-            blend = STARTING_BLEND if config.union == "smooth" else 0.0
-            pool[len(self.rows) :, BLEND] = blend
         if self.should_stop():
-            return False
+            return
         self.tell("select", number, 0.5)
         with self.timed("select"):
             chosen = self.choose(pool, false_volume)
         if not chosen:
-            return False
+            return
         self.tell("refine", number, 0.6)
         with self.timed("refine"):
             selected = pool[sorted_by_volume(pool, chosen)]
-            refined = self.refine(selected, number)
+            refined = self.refine(selected, number, config.refine if rich else config.sharpen)
         with self.timed("prune"):
+            if config.union == "smooth":
+                refined = choose_blends(self.values(refined), refined, self.tally)
             kept = refined[prune(self.values(refined) < 0, self.tally, self.alpha, self.device)]
             score = self.assess(kept)
         accepted = rich is not None or score.objective > self.score.objective
@@ -263,9 +214,8 @@ class Fit:
         if accepted:
             self.rows, self.score = kept, score
             self.look()
-        rise = self.remember_best()
+        self.remember_best()
         self.tell("prune", number, 1.0)
-        return rise > SATURATION
 
     def cut(self) -> list[Region]:
         """Regions of what is unexplained, and of what the primitives so far hold."""
@@ -286,7 +236,7 @@ class Fit:
             return seed_regions(regions, config.primitive).rows
         return self.memory.fit_new(regions, self.target.grid, config, config.seed + number, self.device)
 
-    def refine(self, rows: np.ndarray, number: int) -> np.ndarray:
+    def refine(self, rows: np.ndarray, number: int, settings: RefineConfig) -> np.ndarray:
         """All primitives moved together by the chosen optimiser."""
         config, families = self.config, self.families(rows)
         if config.optimizer == "adam":
@@ -300,36 +250,14 @@ class Fit:
                 self.should_stop,
                 self.target.query.signed_distance,
             )
-        return refine(rows, families, self.samples, config.refine, self.device, self.should_stop)
+        samples = with_probes(self.samples, rows, families, self.target, config.seed + number, self.device)
+        return refine(rows, families, samples, settings, self.device, self.should_stop)
 
-    def remember_best(self) -> float:
-        """Keep the rows if they beat the best at the full price; returns by how much they do."""
+    def remember_best(self) -> None:
+        """Keep the rows if they beat the best at the full price."""
         score = replace_price(self.score, self.config.parsimony, self.alpha)
-        rise = score.objective - self.best_score.objective
-        if rise > 0:
+        if score.objective > self.best_score.objective:
             self.best_rows, self.best_score, self.best_iou = self.rows, score, self.iou
-        return rise
-
-    def neighbour_regions(self) -> list[Region]:
-        """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
-        count, settings = len(self.rows), self.config.propose
-        cells, centres = coarse_inside(self.target.grid)
-        values = values_at(
-            self.rows, self.families(self.rows), point_blocks(centres, self.device), self.device
-        )
-        labels = label_parts(self.target.grid, values.argmin(0), cells)
-        pairs = neighbour_pairs(labels, count)[: settings.merges]
-        worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
-        singles = part_regions(labels, [(int(k),) for k in worst], "part")
-        split = [half for region in singles for half in halves(region)]
-        return singles + split + part_regions(labels, pairs, "pair")
-
-    def errors(self) -> np.ndarray:
-        """Weight of the wrong samples that each primitive answers for, (primitive_count,)."""
-        values = self.values(self.rows)
-        wrong = (fold(values, self.rows[:, BLEND]) < 0) != self.samples.inside
-        owners = values[:, wrong].argmin(0)
-        return np.bincount(owners, self.samples.weight[wrong], minlength=len(self.rows))
 
     def choose(self, pool: np.ndarray, false_volume: float) -> list[int]:
         """Indices into the pool; the primitives so far come first in it and may be swapped out."""
@@ -349,26 +277,35 @@ class Fit:
         )
 
     def finish(self) -> None:
-        """Blends, then a last sharp refinement; kept only where the objective rises."""
+        """Blends and a sharp refinement in turn; kept only where the objective rises."""
         if not len(self.rows):
             return
         self.alpha = self.config.parsimony
         with self.timed("finish"):
-            rows = self.rows
-            if self.config.union == "smooth":
-                rows = choose_blends(self.values(rows), rows, self.tally, self.alpha)
-            sharp = replace(self.config.refine, betas=(80.0, 250.0))
-            tries = [rows]
-            if self.config.optimizer == "levenberg":
-                tries.append(
-                    refine(rows, self.families(rows), self.samples, sharp, self.device, self.should_stop)
-                )
-            for candidate in tries:
-                kept = candidate[prune(self.values(candidate) < 0, self.tally, self.alpha, self.device)]
-                score = self.assess(kept)
-                if score.objective > self.score.objective:
-                    self.rows, self.score = kept, score
+            rows, polish = self.rows, self.config.polish
+            for _ in range(polish.passes):
+                if self.config.union == "smooth":
+                    rows = choose_blends(self.values(rows), rows, self.tally)
+                    self.keep_if_better(rows)
+                if self.config.optimizer == "levenberg":
+                    rows = refine(
+                        rows, self.families(rows), self.samples, polish.refine, self.device, self.should_stop
+                    )
+                    self.keep_if_better(rows)
         self.look()
+
+    def keep_if_better(self, rows: np.ndarray) -> None:
+        """Take rows, pruned, if they beat those so far."""
+        kept = rows[prune(self.values(rows) < 0, self.tally, self.alpha, self.device)]
+        score = self.assess(kept)
+        if score.objective > self.score.objective:
+            self.rows, self.score = kept, score
+
+
+def starting_blends(rows: np.ndarray) -> np.ndarray:
+    """Blends (primitive_count,) of new primitives: thin ones would drown in a wide one."""
+    thickness = rows[:, SHAPES : SHAPES + 3].min(1)
+    return np.minimum(STARTING_BLEND * thickness, WIDEST_START)
 
 
 def replace_price(score: Score, alpha: float, before: float) -> Score:

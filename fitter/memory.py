@@ -11,7 +11,7 @@ from .propose import fit_regions
 
 SAME_SHARE = 0.85
 """Regions that share more than this of their union are one."""
-REMEMBERED = 240
+REMEMBERED = 400
 """Regions kept: the latest ones."""
 
 

@@ -54,8 +54,11 @@ def select(
             beginning.add(leader)
     for beginning in beginnings:
         _grow(beginning, most)
-        _exchange(beginning, most)
-    return max(beginnings, key=Chooser.score).chosen if beginnings else []
+    if not beginnings:
+        return []
+    best = max(beginnings, key=Chooser.score)
+    _exchange(best, most)
+    return best.chosen
 
 
 def _grow(choice: Chooser, most: int) -> None:
@@ -88,18 +91,15 @@ def _exchange(choice: Chooser, most: int) -> None:
 
 def _try_without(choice: Chooser, member: int, most: int) -> None:
     """Take a member out and let the best few come in; undo that unless the objective rose."""
-    before, members = choice.score(), list(choice.chosen)
+    before, saved = choice.score(), choice.save()
     choice.remove(member)
     for _ in range(REPLACEMENTS):
         leader, gain = choice.best_addition()
         if gain <= 0 or leader == member or len(choice.chosen) >= most:
             break
         choice.add(leader)
-    if choice.score() > before + 1e-6:
-        return
-    for newcomer in [newcomer for newcomer in choice.chosen if newcomer not in members]:
-        choice.remove(newcomer)
-    choice.add(member)
+    if choice.score() <= before + 1e-6:
+        choice.restore(saved)
 
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:

@@ -1,0 +1,147 @@
+"""What every step of a fit works with: the target's samples and grid, the set of the moment, and the clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
+from ..decomposition.region import Region
+from ..kernels.field import cell_centres, union_at
+from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
+from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.rows import BLEND, ROW
+from ..target.deviation import surface_distances
+from ..target.target import Target
+from .assess import score_values, values_at
+from .config import FitConfig
+from .objective import Score, Tally
+from .refine import fold
+from .samples import objective_samples
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a fit is, for whoever shows it."""
+
+    stage: str
+    round: int
+    rounds: int
+    primitive_count: int
+    objective: float
+    iou: float
+    fraction: float
+    """Rough share of the work done, 0 to 1."""
+
+
+class Workbench:
+    """One fit in progress: the target, what does not change between rounds, and the set of the moment."""
+
+    def __init__(
+        self,
+        target: Target,
+        config: FitConfig,
+        device: wp.Device,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] = lambda: False,
+        start_rows: np.ndarray | None = None,
+    ):
+        self.target, self.config, self.device = target, config, device
+        self.on_progress = on_progress or (lambda progress: None)
+        self.interrupted = should_stop
+        self.begin = time.perf_counter()
+        self.samples = objective_samples(target)
+        self.blocks: PointBlocks = point_blocks(self.samples.points, device)
+        self.tally = Tally(self.samples)
+        shape, lower, spacing = cell_centres(target.resolution)
+        self.grid_shape = shape
+        self.grid_points = grid_blocks(shape, lower, spacing, device)
+        self.alpha = config.parsimony
+        self.timings: dict[str, float] = {}
+        self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
+        self.score = self.assess(self.rows)
+        self.iou = 0.0
+        self.field: np.ndarray | None = None
+        if len(self.rows):
+            self.look()
+
+    def families(self, rows: np.ndarray) -> list[str]:
+        """The family of each row."""
+        return [self.config.primitive] * len(rows)
+
+    def values(self, rows: np.ndarray) -> np.ndarray:
+        """Distances (primitive_count, n) at the samples."""
+        return values_at(rows, self.families(rows), self.blocks, self.device)
+
+    def assess(self, rows: np.ndarray) -> Score:
+        """The objective of rows as they are, blends included."""
+        return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)
+
+    def look(self) -> None:
+        """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU."""
+        with self.timed("field"):
+            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
+            self.field = from_grid_blocks(union_at(primitives, self.grid_points).numpy(), self.grid_shape)
+            inside, held = self.target.grid < 0, self.field < 0
+            self.iou = float((inside & held).sum() / max(1, (inside | held).sum()))
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the wall time of a block to its stage."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.timings[stage] = self.timings.get(stage, 0.0) + time.perf_counter() - begin
+
+    def out_of_time(self) -> bool:
+        """Whether the time-out has passed."""
+        return 0 < self.config.timeout < time.perf_counter() - self.begin
+
+    def should_stop(self) -> bool:
+        """Whether to return the best so far at once."""
+        return self.interrupted() or self.out_of_time()
+
+    def tell(self, stage: str, number: int, within: float) -> None:
+        """Report progress: `within` is the share of the round that is done."""
+        rounds = self.config.rounds
+        # Most fits saturate early: the share is that of a fit of half the allowed rounds, approached smoothly.
+        done = 1.0 - 0.5 ** ((number + within) / max(1.0, 0.3 * rounds))
+        self.on_progress(
+            Progress(stage, number + 1, rounds, len(self.rows), self.score.objective, self.iou, done)
+        )
+
+    def deviation(self) -> float:
+        """95th percentile of the two-sided surface distance, in the mesh's units."""
+        with self.timed("tolerance"):
+            primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
+            distance = surface_distances(self.target, primitives)
+        return (
+            np.inf if distance is None else float(np.percentile(distance, 95)) * self.target.transform.scale
+        )
+
+    def errors(self) -> np.ndarray:
+        """Weight of the wrong samples that each primitive answers for, (primitive_count,)."""
+        values = self.values(self.rows)
+        wrong = (fold(values, self.rows[:, BLEND]) < 0) != self.samples.inside
+        owners = values[:, wrong].argmin(0)
+        return np.bincount(owners, self.samples.weight[wrong], minlength=len(self.rows))
+
+    def neighbour_regions(self) -> list[Region]:
+        """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
+        count, settings = len(self.rows), self.config.propose
+        cells, centres = coarse_inside(self.target.grid)
+        values = values_at(
+            self.rows, self.families(self.rows), point_blocks(centres, self.device), self.device
+        )
+        labels = label_parts(self.target.grid, values.argmin(0), cells)
+        pairs = neighbour_pairs(labels, count)[: settings.merges]
+        worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
+        singles = part_regions(labels, [(int(k),) for k in worst], "part")
+        split = [half for region in singles for half in halves(region)]
+        return singles + split + part_regions(labels, pairs, "pair")

@@ -1,0 +1,97 @@
+"""Slabs between changes of the cross-section, rings around holes, probes of what sticks out."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+import warp as wp
+from test_decomposition import box, cells, grid, paint, share
+
+from resfit.decomposition.coarse import working_grid
+from resfit.decomposition.holes import hole_parts, rings
+from resfit.decomposition.residual import find_residual
+from resfit.decomposition.sections import section_cuts, section_parts
+from resfit.fitter.objective import ObjectiveSamples
+from resfit.fitter.probes import DRAWS, with_probes
+from resfit.kernels.rows import SHAPES, empty_rows
+from resfit.target.target import make_target
+
+
+def cylinder(radius: float, low: float, high: float) -> np.ndarray:
+    """Upright cylinder at the centre of the 64^3 grid: negative inside, no exact distance."""
+    x, y, z = cells()
+    return np.maximum(np.sqrt(x * x + y * y) - radius, np.maximum(low - z, z - high))
+
+
+def parts_of(solid: np.ndarray, find) -> list[np.ndarray]:
+    residual = find_residual(solid)
+    assert residual is not None
+    return [paint(part) for part in find(working_grid(residual))]
+
+
+def test_cup_comes_apart_into_foot_stem_floor_and_wall() -> None:
+    foot, stem = cylinder(0.4, -0.9, -0.75), cylinder(0.1, -0.75, -0.2)
+    floor = cylinder(0.5, -0.2, -0.1)
+    wall = np.maximum(cylinder(0.5, -0.1, 0.7), -cylinder(0.4, -0.1, 0.8))
+    slabs = parts_of(grid(foot, stem, floor, wall), section_parts)
+    for piece in (foot, stem, floor, wall):
+        assert max(share(slab, piece < 0) for slab in slabs) > 0.9
+
+
+def test_prism_has_no_cut_and_steps_have_one_each() -> None:
+    prism = np.ones((20, 6, 6), bool)
+    assert section_cuts(prism) == []
+    steps = prism.copy()
+    steps[7:, 3:] = False
+    steps[14:, :, 3:] = False
+    assert section_cuts(steps) == [7, 14]
+
+
+def test_ring_is_as_wide_as_the_thin_wall_around_the_hole() -> None:
+    section = np.ones((24, 40), bool)
+    section[5:19, 4:18] = False
+    section[5:19, 22:36] = False
+    found = rings(section)
+    assert len(found) == 2
+    for ring, hole in zip(found, (section[:, 4:18], section[:, 22:36]), strict=True):
+        assert hole.shape == (24, 14)
+        assert not (ring & ~section).any()
+        # A wall four cells wide is all of the ring, and the far side of the other hole none of it.
+        assert ring[10, 18:22].all()
+        assert ring.sum() < 0.75 * section.sum()
+    assert not rings(np.ones((8, 8), bool))
+
+
+def test_holes_of_a_plate_are_proposed() -> None:
+    plate = box((-0.8, -0.4, -0.08), (0.8, 0.4, 0.08))
+    x, y, _ = cells()
+    holes = np.minimum.reduce([np.hypot(x - at, y) - 0.2 for at in (-0.5, 0.5)])
+    found = parts_of(np.maximum(plate, -holes).astype(np.float32), hole_parts)
+    assert len(found) == 2
+    for ring, at in zip(
+        sorted(found, key=lambda mask: np.argwhere(mask)[:, 0].mean()), (-0.5, 0.5), strict=True
+    ):
+        middle = np.argwhere(ring).mean(0) / 32 - 1 + 1 / 64
+        np.testing.assert_allclose(middle, [at, 0, 0], atol=0.03)
+
+
+def test_probes_see_what_sticks_out(device: wp.Device) -> None:
+    target = make_target(trimesh.creation.box((1.0, 1.0, 0.4)), device, 64, 2000)
+    near = target.samples.near
+    samples = ObjectiveSamples(near.points, near.distance, near.weight, len(near.points))
+    inside, out = empty_rows(2)
+    inside[SHAPES : SHAPES + 8] = [1.0, 1.0, 0.4, 0.1, 0.0, 1.0, 0.0, -1.0]
+    out[SHAPES : SHAPES + 8] = [0.05, 0.05, 1.6, 0.1, 0.0, 1.0, 0.0, -1.0]
+    families = ["superfrustum"]
+    same = with_probes(samples, inside[None], families, target, 0, device)
+    assert len(same.points) == len(samples.points)
+    more = with_probes(samples, out[None], families, target, 0, device)
+    probes = more.points[len(samples.points) :]
+    # A quarter of the rod is in the box, whose normalised height is 0.72 of the rod's 1.6.
+    assert 0.3 * DRAWS < len(probes) < 0.8 * DRAWS
+    assert (np.abs(probes[:, :2]) < 0.026).all()
+    distance = more.distance[len(samples.points) :]
+    assert (distance > 0.0).all()
+    np.testing.assert_allclose(distance, np.abs(probes[:, 2]) - 0.36, atol=1e-3)
+    again = with_probes(samples, out[None], families, target, 0, device)
+    assert np.array_equal(more.points, again.points) and np.array_equal(more.weight, again.weight)
