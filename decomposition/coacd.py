@@ -81,4 +81,4 @@ def _cells_in_hull(hull: np.ndarray, cells: np.ndarray) -> np.ndarray:
         planes = ConvexHull(hull).equations
     except QhullError:
         return np.zeros(len(cells), bool)
-    return (cells @ planes[:, :3].T + planes[:, 3] < 0.5).all(1)
+    return np.asarray((cells @ planes[:, :3].T + planes[:, 3] < 0.5).all(1))
