@@ -30,6 +30,9 @@ from .objective import ObjectiveSamples
 
 SHARED_DAMPING = Damping(better=0.4, worse=6.0, least=1e-5)
 
+MOST_BLEND = 0.12
+"""Largest blend radius, normalised units. A blend of 0 stays 0."""
+
 RAISE = 1.3
 """The sharpness rises in steps of at least this factor: each of them starts from a new loss."""
 
@@ -65,7 +68,7 @@ def refine(
         should_stop: asked before each step; True returns the best so far.
 
     Returns:
-        Refined rows (primitive_count, ROW) float32; blends and gates unchanged.
+        Refined rows (primitive_count, ROW) float32; gates unchanged, and blends where they are 0.
     """
     if not len(rows) or not len(samples.points):
         return rows
@@ -146,4 +149,4 @@ class RefineStep:
             self.trial, self.sorter.live_rows(), self.betas, self.partial, self.state.trial_systems
         )
         judge_together(self.state, count, self.found.loss, SHARED_DAMPING)
-        advance(self.state, self.trial)
+        advance(self.state, self.trial, MOST_BLEND)

@@ -55,6 +55,7 @@ class RowSink:
     weight: wp.array[float]
     offset: wp.array[float]
     slope: wp.array[float]
+    widening: wp.array[float]
 
 
 def _source(points: LossPoints, owners: Ownership, found: Contributions) -> RowSource:
@@ -92,9 +93,10 @@ class RowSorter:
         self.totals = wp.empty(primitive_count, dtype=int, device=self.device)
         self.source = _source(points, owners, found)
         # Padding keeps what earlier steps wrote there: it must be finite from the start.
-        columns = [wp.zeros(most * OWNER_BLOCK, dtype=float, device=self.device) for _ in range(7)]
+        columns = [wp.zeros(most * OWNER_BLOCK, dtype=float, device=self.device) for _ in range(8)]
         self.sink = sink = RowSink()
-        sink.x, sink.y, sink.z, sink.target, sink.weight, sink.offset, sink.slope = columns
+        sink.x, sink.y, sink.z, sink.target = columns[:4]
+        sink.weight, sink.offset, sink.slope, sink.widening = columns[4:]
         self.rows = OwnedPoints(
             *columns,
             owners=wp.empty(most, dtype=int, device=self.device),
@@ -200,15 +202,20 @@ def write_rows_kernel(
                 k = source.owner[i]
                 offset = source.field[i] - source.nearest[i]
                 slope = source.share[i]
+                # Of the two that blend, the later one's radius counts.
+                other = source.second[i]
+                widening = -slope * (1.0 - slope)
                 target = source.distance[i]
                 weight = source.root_weight[i]
                 if row_kind != OWN:
+                    other = k
                     k = source.second[i]
                     offset = source.field[i] - source.runner_up[i]
                     slope = 1.0 - slope
                 if row_kind == COVERING:
                     offset = 0.0
                     slope = 1.0
+                    widening = 0.0
                     target = EMPTY
                     weight = weight * push
                 at = k * block_count + block
@@ -221,3 +228,4 @@ def write_rows_kernel(
                 out.weight[place] = weight
                 out.offset[place] = offset
                 out.slope[place] = slope
+                out.widening[place] = wp.where(k > other, widening, 0.0)

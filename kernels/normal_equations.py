@@ -22,7 +22,8 @@ from .owned_points import OWNER_BLOCK_C, OwnedPoints
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import Derivatives
-from .small_solve import SYSTEM, SYSTEM_C
+from .small_solve import BLEND_UNKNOWN, RESIDUAL_C, SYSTEM_C
+from .small_solve import SYSTEM as SYSTEM
 from .vector_math import clamp_symmetric, larger
 
 BLOCK_SECONDS = 2.5e-6
@@ -49,11 +50,13 @@ def system_row(
     weight: float,
     offset: float,
     slope: float,
+    widening: float,
     beta: float,
 ) -> SystemRow:
     """The weighted Jacobian row and residual of a local point (x, y, z), steep entries clipped."""
     occupied = occupancy(d[0] + offset, beta)
-    scale = -weight * slope * beta * occupied * (1.0 - occupied)
+    steep = -weight * beta * occupied * (1.0 - occupied)
+    scale = slope * steep
     c = d
     c[1] = clamp_symmetric(d[1], STEEPEST)
     c[3] = clamp_symmetric(d[3], STEEPEST)
@@ -63,7 +66,8 @@ def system_row(
     out = SystemRow()
     for m in range(TANGENT_C):
         out[m] = scale * row[m]
-    out[TANGENT_C] = weight * (occupied - occupancy(target, beta))
+    out[BLEND_UNKNOWN] = steep * widening
+    out[RESIDUAL_C] = weight * (occupied - occupancy(target, beta))
     return out
 
 
@@ -89,6 +93,7 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
         weight: wp.array[float],
         offset: wp.array[float],
         slope: wp.array[float],
+        widening: wp.array[float],
         owners: wp.array[int],
         point_blocks: wp.array[int],
         frames: wp.array[Frame],
@@ -116,7 +121,9 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
                     i = base + j
                     px, py, pz = to_local(f, x[i], y[i], z[i])
                     d = sdf_grad(s, px, py, pz)
-                    row = system_row(px, py, pz, d, target[i], weight[i], offset[i], slope[i], beta)
+                    row = system_row(
+                        px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta
+                    )
                     for a in range(SYSTEM_C):
                         for b in range(a, SYSTEM_C):
                             total[a, b] += row[a] * row[b]
@@ -125,7 +132,9 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
                     i = base + j
                     px, py, pz = to_local(f, x[i], y[i], z[i])
                     d = fast_grad(s, px, py, pz)
-                    row = system_row(px, py, pz, d, target[i], weight[i], offset[i], slope[i], beta)
+                    row = system_row(
+                        px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta
+                    )
                     for a in range(SYSTEM_C):
                         for b in range(a, SYSTEM_C):
                             total[a, b] += row[a] * row[b]
@@ -184,6 +193,7 @@ def normal_equations_at(
                 points.weight,
                 points.offset,
                 points.slope,
+                points.widening,
                 points.owners,
                 points.point_blocks,
                 primitives.frames,
@@ -214,7 +224,7 @@ def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float 
         beta: sharpness of the occupancy per normalised unit, one for all or (primitive_count,).
 
     Returns:
-        (primitive_count, SYSTEM, SYSTEM) float32, symmetric: J^T J in the first TANGENT rows and columns, J^T r in
+        (primitive_count, SYSTEM, SYSTEM) float32, symmetric: J^T J of the UNKNOWNS first, J^T r in
         the last column, r^T r in the corner.
     """
     device, count = primitives.device, len(primitives)

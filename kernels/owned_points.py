@@ -30,6 +30,8 @@ class OwnedPoints:
     """Union minus the owner's own distance."""
     slope: wp.array
     """Derivative of the union to the owner's own distance."""
+    widening: wp.array
+    """Derivative of the union to the owner's blend radius."""
     owners: wp.array
     """(pair_count,) int32, ascending: the primitive of each (primitive, block) pair."""
     point_blocks: wp.array
@@ -48,6 +50,7 @@ def owned_points(
     weight: np.ndarray | None = None,
     offset: np.ndarray | None = None,
     slope: np.ndarray | None = None,
+    widening: np.ndarray | None = None,
     device: wp.Device | None = None,
 ) -> OwnedPoints:
     """Sort points by owner into padded blocks that one primitive each reads.
@@ -58,14 +61,14 @@ def owned_points(
         primitive_count: number of primitives; some may own nothing.
         target: (n,) signed distance that the union should have.
         weight: (n,) square roots of weights, 1 by default.
-        offset, slope: (n,), 0 and 1 by default.
+        offset, slope, widening: (n,), 0, 1 and 0 by default.
         device: where the arrays go, the CPU by default.
     """
     order, blocks = _pack(np.asarray(owners, np.int64), primitive_count)
     return _gather(
         order,
         np.asarray(points, np.float32).reshape(-1, 3),
-        [(target, 0.0), (weight, 1.0), (offset, 0.0), (slope, 1.0)],
+        [(target, 0.0), (weight, 1.0), (offset, 0.0), (slope, 1.0), (widening, 0.0)],
         np.arange(len(order) // OWNER_BLOCK),
         blocks,
         device,
@@ -99,7 +102,7 @@ def shared_points(
     return _gather(
         order,
         np.asarray(points, np.float32).reshape(-1, 3),
-        [(target, 0.0), (weight, 1.0), (None, 0.0), (None, 1.0)],
+        [(target, 0.0), (weight, 1.0), (None, 0.0), (None, 1.0), (None, 0.0)],
         np.repeat(first[readers], counts) + within,
         counts,
         device,

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import warp as wp
 
-from .rows import SHAPE, SHAPES_C, TANGENT
+from .rows import BLEND_C, SHAPE, SHAPES_C, TANGENT
 
-SYSTEM = TANGENT + 1
-"""Columns of a system: the Jacobian's, then the residual."""
-SYSTEM_C = wp.constant(SYSTEM)
-FIRST_SHAPE = wp.constant(TANGENT - SHAPE)
-TANGENT_C = wp.constant(TANGENT)
+UNKNOWNS = TANGENT + 1
+"""A Jacobian row's columns, then the blend radius."""
+SYSTEM = UNKNOWNS + 1
+"""Columns of a system: those of the unknowns, then the residual."""
+RESIDUAL = UNKNOWNS
+"""Column of the residual."""
+SYSTEM_C, RESIDUAL_C = wp.constant(SYSTEM), wp.constant(RESIDUAL)
+FIRST_SHAPE, BLEND_UNKNOWN = wp.constant(TANGENT - SHAPE), wp.constant(TANGENT)
 
-Matrix = wp.types.matrix(shape=(TANGENT, TANGENT), dtype=wp.float64)
-Unknowns = wp.types.vector(length=TANGENT, dtype=wp.float64)
+Matrix = wp.types.matrix(shape=(UNKNOWNS, UNKNOWNS), dtype=wp.float64)
+Unknowns = wp.types.vector(length=UNKNOWNS, dtype=wp.float64)
 
 
 @wp.func
@@ -55,18 +58,20 @@ def damped_step(
     rows: wp.array[float],
     low: wp.array[float],
     high: wp.array[float],
+    most_blend: float,
     damping: float,
     system: int,
     row: int,
     bound: int,
     count: int,
 ) -> Unknowns:
-    """The increment (count = TANGENT unknowns) that lowers one system's residual, not yet limited in length.
+    """The increment (count = UNKNOWNS of them) that lowers one system's residual, not yet limited in length.
 
     Args:
         systems: SYSTEM x SYSTEM from index `system` on.
         rows: of the primitive from index `row` on: shapes on a bound do not move further out.
         low, high: ranges of its shapes from index `bound` on; equal ones hold the shape.
+        most_blend: largest blend radius; 0 holds all of them.
         damping: relative to the system's diagonal.
     """
     a = Matrix()
@@ -75,8 +80,13 @@ def damped_step(
     one = wp.float64(1.0)
     mean = wp.float64(0.0)
     for i in range(count):
-        slope = systems[system + i * SYSTEM_C + count]
-        if i >= FIRST_SHAPE:
+        slope = systems[system + i * SYSTEM_C + RESIDUAL_C]
+        if i == BLEND_UNKNOWN:
+            # A plain joint, of blend 0, stays one: nothing pulls at it.
+            value = rows[row + BLEND_C]
+            if most_blend <= 0.0 or value <= 0.0 or (value >= most_blend and slope < 0.0):
+                held[i] = one
+        elif i >= FIRST_SHAPE:
             shape = i - FIRST_SHAPE
             value = rows[row + SHAPES_C + shape]
             least = low[bound + shape]

@@ -14,15 +14,16 @@ import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
 from .primitive_set import PrimitiveSet
-from .rows import BLEND_C, ROTATION_C, ROW, ROW_C, SHAPE_C, SHAPES_C, TANGENT, TRANSLATION_C
-from .small_solve import FIRST_SHAPE, SYSTEM, SYSTEM_C, Unknowns, damped_step
+from .rows import BLEND_C, GATE_C, ROTATION_C, ROW, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
+from .small_solve import BLEND_UNKNOWN, FIRST_SHAPE, SYSTEM, SYSTEM_C, UNKNOWNS, Unknowns, damped_step
 from .union import FAR
 
 wp.set_module_options(PLAIN_OPTIONS)
 
 FIRST_DAMPING = 1e-2
 
-TRANSLATION_LIMIT, ROTATION_LIMIT, SHAPE_LIMIT = wp.constant(0.15), wp.constant(0.4), wp.constant(0.25)
+TRANSLATION_LIMIT, ROTATION_LIMIT = wp.constant(0.15), wp.constant(0.4)
+SHAPE_LIMIT, BLEND_LIMIT = wp.constant(0.25), wp.constant(0.02)
 """Longest move of each unknown in one step: beyond it the linear model says nothing about the field."""
 
 
@@ -141,7 +142,7 @@ def judge_together_kernel(
 @wp.func
 def move_row(
     rows: wp.array[float], row: int, step: Unknowns, low: wp.array[float], high: wp.array[float], bound: int,
-    out_rows: wp.array[float],
+    most_blend: float, out_rows: wp.array[float],
 ):  # fmt: skip
     """Write a row moved by local increments (see `rows`), their length limited, shapes clipped to their ranges."""
     w = rows[row + ROTATION_C]
@@ -186,8 +187,10 @@ def move_row(
         out_rows[row + SHAPES_C + m] = wp.clamp(
             rows[row + SHAPES_C + m] + move, low[bound + m], high[bound + m]
         )
-    for m in range(BLEND_C, ROW_C):
-        out_rows[row + m] = rows[row + m]
+    blend = rows[row + BLEND_C]
+    wider = wp.clamp(blend + wp.clamp(float(step[BLEND_UNKNOWN]), -BLEND_LIMIT, BLEND_LIMIT), 0.0, most_blend)
+    out_rows[row + BLEND_C] = wp.where(most_blend > 0.0, wp.where(blend > 0.0, wider, blend), blend)
+    out_rows[row + GATE_C] = rows[row + GATE_C]
 
 
 @wp.kernel
@@ -198,6 +201,7 @@ def advance_kernel(
     low: wp.array[float],
     high: wp.array[float],
     trial_systems: wp.array[float],
+    most_blend: float,
     unknowns: int,
     # outputs
     rows: wp.array[float],
@@ -212,8 +216,10 @@ def advance_kernel(
             rows[m] = trial_rows[m]
         for m in range(k * size, (k + 1) * size):
             systems[m] = trial_systems[m]
-    step = damped_step(systems, rows, low, high, damping[k], k * size, k * ROW_C, k * SHAPE_C, unknowns)
-    move_row(rows, k * ROW_C, step, low, high, k * SHAPE_C, trial_rows)
+    step = damped_step(
+        systems, rows, low, high, most_blend, damping[k], k * size, k * ROW_C, k * SHAPE_C, unknowns
+    )
+    move_row(rows, k * ROW_C, step, low, high, k * SHAPE_C, most_blend, trial_rows)
 
 
 def judge_alone(state: StepState, count: int, rule: Damping) -> None:
@@ -242,12 +248,18 @@ def _packed(rule: Damping) -> wp.vec4:
     return wp.vec4(rule.better, rule.worse, rule.least, rule.most)
 
 
-def advance(state: StepState, trial: PrimitiveSet) -> None:
-    """Keep what the judge said, and move `trial` to the next trial."""
+def advance(state: StepState, trial: PrimitiveSet, most_blend: float = 0.0) -> None:
+    """Keep what the judge said, and move `trial` to the next trial.
+
+    Args:
+        state: best so far, judged.
+        trial: what was just evaluated; its rows become the next trial's.
+        most_blend: largest blend radius that is tried; 0 leaves the blends as they are.
+    """
     launch(
         advance_kernel,
         len(trial),
-        [state.kept, state.damping, state.low, state.high, state.trial_systems, TANGENT],
+        [state.kept, state.damping, state.low, state.high, state.trial_systems, float(most_blend), UNKNOWNS],
         [state.rows, state.systems, trial.rows],
         state.rows.device,
         seconds_per_thread=3e-6,

@@ -12,6 +12,7 @@ from resfit.kernels.normal_equations import SYSTEM, normal_equations
 from resfit.kernels.owned_points import owned_points, shared_points
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
+from resfit.kernels.small_solve import RESIDUAL
 
 FAMILIES = ["superfrustum", "superfrustum", "cuboid", "superprimitive", "superquadric"]
 
@@ -43,8 +44,9 @@ def test_systems_agree_with_float64(device, rng):
     weight = rng.uniform(0.5, 1.5, count).astype(np.float32)
     offset = rng.uniform(-0.02, 0.0, count).astype(np.float32)
     slope = rng.uniform(0.5, 1.0, count).astype(np.float32)
+    widening = rng.uniform(-0.25, 0.0, count).astype(np.float32)
     primitives = PrimitiveSet(rows, FAMILIES, device)
-    owned = owned_points(points, owners, len(FAMILIES), target, weight, offset, slope, device)
+    owned = owned_points(points, owners, len(FAMILIES), target, weight, offset, slope, widening, device)
     found = normal_equations(primitives, owned, betas)
     assert found.shape == (len(FAMILIES), SYSTEM, SYSTEM)
     assert not found[-1].any()
@@ -58,6 +60,10 @@ def test_systems_agree_with_float64(device, rng):
             up = residuals(moved(rows[k], d), family, *given, betas[k])
             down = residuals(moved(rows[k], -d), family, *given, betas[k])
             columns.append(slope[mine] * (up - down) / (2 * step))
+        points_k, target_k, weight_k, offset_k = given
+        wider = residuals(rows[k], family, points_k, target_k, weight_k, offset_k + step, betas[k])
+        narrower = residuals(rows[k], family, points_k, target_k, weight_k, offset_k - step, betas[k])
+        columns.append(widening[mine] * (wider - narrower) / (2 * step))
         system = np.stack([*columns, base])
         expected = system @ system.T
         np.testing.assert_allclose(found[k], expected, atol=2e-3 * np.abs(expected).max())
@@ -96,13 +102,13 @@ def test_levenberg_steps_recover_a_moved_primitive(device, rng):
     errors = []
     for _ in range(10):
         system = normal_equations(PrimitiveSet(row[None].astype(np.float32), family, device), owned, beta)[0]
-        errors.append(system[TANGENT, TANGENT])
+        errors.append(system[RESIDUAL, RESIDUAL])
         # The onion of a solid does not show here and stays as it is.
         used = np.arange(TANGENT - 1)
         matrix = system[np.ix_(used, used)].astype(np.float64)
         matrix += np.diag(1e-3 * np.diag(matrix) + 1e-6)
         increment = np.zeros(TANGENT)
-        increment[used] = -np.linalg.solve(matrix, system[used, TANGENT])
+        increment[used] = -np.linalg.solve(matrix, system[used, RESIDUAL])
         row = moved(row, increment)
     assert errors[-1] < 1e-3 * errors[0]
 

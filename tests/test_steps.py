@@ -17,11 +17,12 @@ from resfit.kernels.normal_equations import normal_equations
 from resfit.kernels.owned_points import OWNER_BLOCK, owned_points
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TANGENT
-from resfit.kernels.small_solve import SYSTEM
+from resfit.kernels.small_solve import RESIDUAL, SYSTEM, UNKNOWNS
 from resfit.kernels.steps import advance, rows_of, step_state
 
 MIXED = ["superfrustum", "superfrustum", "cuboid", "superprimitive", "superfrustum", "superquadric"]
 MASK = 0.1
+LIMITS = [0.15] * 3 + [0.4] * 3 + [0.25] * SHAPE + [0.02]
 
 
 def samples_of(rows, families, rng, device, count=3000):
@@ -66,38 +67,47 @@ def loss_of(rows, families, samples, beta, overlap, device):
     offset[:own] = union[index[:own]] - np.concatenate([nearest[active], runner_up[blended]])
     slope = np.concatenate([share[active], 1 - share[blended], np.ones(len(covered))])
     target = np.where(np.arange(len(index)) < own, samples.distance[index], 1e30)
+    # The later of the two has the blend: its row says how the union falls as the blend widens.
+    widening = np.zeros(len(index))
+    widening[: len(active)] = -(share * (1 - share) * (owner > second))[active]
+    widening[len(active) : own] = -(share * (1 - share) * (second > owner))[blended]
     weight = np.sqrt(samples.weight[index]) * np.where(np.arange(len(index)) < own, 1, np.sqrt(overlap))
     primitive = np.concatenate([owner[active], second[blended], second[covered]])
-    points = owned_points(samples.points[index], primitive, len(rows), target, weight, offset, slope, device)
+    points = owned_points(
+        samples.points[index], primitive, len(rows), target, weight, offset, slope, widening, device
+    )
     error = occupancy(union[active]) - occupancy(samples.distance[active])
     loss = (samples.weight[active] * error**2).sum()
     loss += overlap * (samples.weight[covered] * occupancy(runner_up[covered]) ** 2).sum()
     return normal_equations(PrimitiveSet(rows, families, device), points, beta), loss
 
 
-def solved(systems, rows, damping, families):
+def solved(systems, rows, damping, families, most_blend):
     """Rows after one damped step, in float64."""
     ranges = fit_ranges(families)
     out = rows.astype(np.float64)
     for k, system in enumerate(systems.astype(np.float64)):
-        slope, shape = system[:TANGENT, TANGENT].copy(), rows[k, SHAPES : SHAPES + SHAPE]
-        held = np.zeros(TANGENT, bool)
-        held[6:] = ranges.high[k] <= ranges.low[k]
-        held[6:] |= (shape <= ranges.low[k]) & (slope[6:] > 0)
-        held[6:] |= (shape >= ranges.high[k]) & (slope[6:] < 0)
-        matrix = system[:TANGENT, :TANGENT] * np.outer(~held, ~held)
+        slope, shape = system[:UNKNOWNS, RESIDUAL].copy(), rows[k, SHAPES : SHAPES + SHAPE]
+        held = np.zeros(UNKNOWNS, bool)
+        held[6:TANGENT] = ranges.high[k] <= ranges.low[k]
+        held[6:TANGENT] |= (shape <= ranges.low[k]) & (slope[6:TANGENT] > 0)
+        held[6:TANGENT] |= (shape >= ranges.high[k]) & (slope[6:TANGENT] < 0)
+        held[TANGENT] = not 0 < rows[k, BLEND] <= most_blend
+        matrix = system[:UNKNOWNS, :UNKNOWNS] * np.outer(~held, ~held)
         diagonal = np.diag(matrix).copy()
         scale = diagonal.mean() + 1e-12
         diagonal += damping * diagonal + (1e-4 * damping + 1e-7) * scale + held * scale
         np.fill_diagonal(matrix, diagonal)
         step = -np.linalg.solve(matrix, slope * ~held)
-        step = np.clip(step, *[side * np.array([0.15] * 3 + [0.4] * 3 + [0.25] * 8) for side in (-1, 1)])
+        step = np.clip(step, *[side * np.array(LIMITS) for side in (-1, 1)])
         w, v = rows[k, ROTATION].astype(float), rows[k, ROTATION + 1 : ROTATION + 4].astype(float)
         out[k, :3] += step[:3] + 2 * np.cross(v, np.cross(v, step[:3]) + w * step[:3])
         half = step[3:6] / 2
         turned = np.concatenate([[w - v @ half], v + w * half + np.cross(v, half)])
         out[k, ROTATION : ROTATION + 4] = turned / np.linalg.norm(turned)
-        out[k, SHAPES : SHAPES + SHAPE] = np.clip(shape + step[6:], ranges.low[k], ranges.high[k])
+        out[k, SHAPES : SHAPES + SHAPE] = np.clip(shape + step[6:TANGENT], ranges.low[k], ranges.high[k])
+        if not held[TANGENT]:
+            out[k, BLEND] = np.clip(rows[k, BLEND] + step[TANGENT], 0, most_blend)
     return out
 
 
@@ -151,11 +161,30 @@ def test_systems_and_loss_of_a_step(beta, scene, device):
     found = step.state.systems.numpy().reshape(-1, SYSTEM, SYSTEM)
     for k in range(len(rows)):
         # Rows without a slope are left out, and with them constant errors in the corner.
-        size = np.abs(expected[k, :TANGENT]).max()
-        np.testing.assert_allclose(found[k, :TANGENT], expected[k, :TANGENT], atol=2e-3 * size)
+        size = np.abs(expected[k, :UNKNOWNS]).max()
+        np.testing.assert_allclose(found[k, :UNKNOWNS], expected[k, :UNKNOWNS], atol=2e-3 * size)
     live = step.owners.live.numpy()
     assert 0 < (live > 0).sum() <= len(live)
     assert float(step.state.loss.numpy()[0]) == pytest.approx(loss, rel=0.02)
+
+
+def test_gradient_of_a_blend(device, rng):
+    """The blend's slope is that of the loss, by finite differences on two primitives that blend widely."""
+    families = ["superfrustum"] * 2
+    rows = random_rows(rng, families)
+    rows[:, :3] = [[-0.2, 0.0, 0.0], [0.2, 0.05, 0.0]]
+    rows[:, SHAPES : SHAPES + SHAPE] = [0.5, 0.5, 0.6, 0.3, 0.02, 1.0, 0.0, -1.0]
+    rows[:, BLEND] = 0.1
+    samples, beta, change = samples_of(rows, families, rng, device, 20_000), 80.0, 1e-3
+    found = stepped(rows, families, samples, device, beta, overlap=0.0).state.systems.numpy()
+    losses = []
+    for side in (-1, 1):
+        moved = rows.copy()
+        moved[1, BLEND] += side * change
+        losses.append(loss_of(moved, families, samples, beta, 0.0, device)[1])
+    slope = found.reshape(-1, SYSTEM, SYSTEM)[:, TANGENT, RESIDUAL]
+    assert abs(slope[1]) > 1e-2 and slope[0] == 0.0
+    assert 2 * slope[1] == pytest.approx((losses[1] - losses[0]) / (2 * change), rel=0.03)
 
 
 def test_sorting(scene, device):
@@ -194,21 +223,24 @@ def test_damped_steps(device, rng):
     jacobian = rng.normal(size=(len(rows), 60, SYSTEM)) * 10.0 ** rng.uniform(-2, 1, (len(rows), 1, SYSTEM))
     jacobian[:, :, 2] = jacobian[:, :, 3] * 1.001
     systems = np.einsum("kni,knj->kij", jacobian, jacobian).astype(np.float32)
+    rows[2, BLEND] = 0.0
     state = step_state(rows, ranges.low, ranges.high, device)
     trial = PrimitiveSet(rows, families, device)
     state.trial_systems.assign(systems.ravel())
     state.kept.fill_(1)
-    advance(state, trial)
+    advance(state, trial, most_blend=0.12)
     np.testing.assert_array_equal(rows_of(state), rows)
-    expected = solved(systems, rows, 1e-2, families)
+    expected = solved(systems, rows, 1e-2, families, 0.12)
     np.testing.assert_allclose(trial.rows_numpy(), expected, atol=2e-5)
-    np.testing.assert_array_equal(trial.rows_numpy()[:, [BLEND, GATE]], rows[:, [BLEND, GATE]])
+    assert (expected[:, BLEND] != rows[:, BLEND]).sum() == len(rows) - 1, "a plain joint stays one"
+    np.testing.assert_array_equal(trial.rows_numpy()[:, GATE], rows[:, GATE])
     state.kept.fill_(0)
     state.trial_systems.fill_(7.0)
     state.damping.fill_(10.0)
     advance(state, trial)
     np.testing.assert_array_equal(rows_of(state), rows)
-    np.testing.assert_allclose(trial.rows_numpy(), solved(systems, rows, 10.0, families), atol=2e-5)
+    np.testing.assert_allclose(trial.rows_numpy(), solved(systems, rows, 10.0, families, 0.0), atol=2e-5)
+    np.testing.assert_array_equal(trial.rows_numpy()[:, BLEND], rows[:, BLEND])
 
 
 def test_refinement_lowers_the_loss(scene, device):
@@ -219,7 +251,10 @@ def test_refinement_lowers_the_loss(scene, device):
         loss_of(given, MIXED, samples, 60.0, config.overlap, device)[1] for given in (rows, refined)
     )
     assert after < 0.5 * before
-    np.testing.assert_array_equal(refined[:, [BLEND, GATE]], rows[:, [BLEND, GATE]])
+    np.testing.assert_array_equal(refined[:, GATE], rows[:, GATE])
+    assert (refined[1:, BLEND] != rows[1:, BLEND]).any() and refined[0, BLEND] == rows[0, BLEND]
+    rows[:, BLEND] = 0.0
+    assert not refine(rows, MIXED, samples, config, device)[:, BLEND].any(), "hard unions stay hard"
     again = refine(rows, MIXED, samples, config, device, should_stop=lambda: True)
     np.testing.assert_array_equal(again, rows)
 
