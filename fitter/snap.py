@@ -8,7 +8,7 @@ together and made regular again. The order of the primitives stays; parts that s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -37,6 +37,18 @@ REFINE_STEPS = 10
 REFINEMENTS = 3
 
 
+@dataclass(frozen=True)
+class Regular:
+    """A regular assembly."""
+
+    rows: np.ndarray
+    """(primitive_count, ROW) float32; symmetry may have added some and taken some out."""
+    relations: list[Relation]
+    """What holds in them."""
+    origin: tuple[int, ...]
+    """For each row the primitive that it was, or is an image of."""
+
+
 def snap(
     rows: np.ndarray,
     target: Target,
@@ -44,7 +56,7 @@ def snap(
     device: wp.Device,
     copies: Sequence[Copied] = (),
     should_stop: Callable[[], bool] = lambda: False,
-) -> tuple[np.ndarray, list[Relation]]:
+) -> Regular:
     """Make an assembly regular.
 
     Args:
@@ -54,27 +66,28 @@ def snap(
         device: where to compute.
         copies: primitives that follow from others already.
         should_stop: asked between stages; once True, what was reached is returned.
-
-    Returns:
-        Rows (primitive_count or more, ROW) float32, and the relations that hold in them.
     """
     if not len(rows):
-        return rows, []
+        return Regular(rows, [], ())
     judge = Judge(target, config, device)
     draft = Draft(rows, judge, Ties(tuple(copies)))
-    _symmetries(draft, find_symmetries(target), config, device)
+    origin = _symmetries(draft, find_symmetries(target), config, device)
     for fall in FALLS:
         draft.fall = fall
         for stage in (_canonical, snap_axes, _canonical, snap_sizes, snap_centres):
             if should_stop():
-                return draft.rows, draft.relations()
+                return Regular(draft.rows, draft.relations(), origin)
             stage(draft)
         _refine(draft, config, device)
-    return draft.rows, draft.relations()
+    return Regular(draft.rows, draft.relations(), origin)
 
 
-def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: wp.Device) -> None:
-    """Tie the parts by as much of the target's symmetry as the objective allows: the largest group that it does."""
+def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: wp.Device) -> tuple[int, ...]:
+    """Tie the parts by as much of the target's symmetry as the objective allows: the largest group that it does.
+
+    Returns:
+        For each of the draft's primitives the one that it was, or is an image of.
+    """
     across = _orthogonal([entry for entry in found if entry.order == 1])
     spins = [entry for entry in found if entry.order > 2][:1]
     choices = [across + spins, across, spins, *([plane] for plane in across)]
@@ -84,25 +97,26 @@ def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: 
         if not choice or names in seen or not motions_of(choice):
             continue
         seen.append(names)
-        trials = [
-            _settled(layout, draft, config, device)
-            for layout in _layouts(draft, choice, config.max_primitives)
-        ]
-        best = max(trials, key=lambda trial: trial.objective, default=None)
-        if best is None or best.objective < draft.objective - SYMMETRY_FALL:
+        layouts = _layouts(draft, choice, config.max_primitives)
+        trials = [_settled(layout, draft, config, device) for layout in layouts]
+        if not trials:
+            continue
+        number = int(np.argmax([trial.objective for trial in trials]))
+        best = trials[number]
+        if best.objective < draft.objective - SYMMETRY_FALL:
             continue
         parts = {index for copy in best.ties.copies for index in (copy.index, copy.source)}
         parts |= set(best.ties.astride)
         claims = [_claim(entry, tuple(sorted(parts)), len(best.rows)) for entry in choice]
         draft.restart(best.rows, best.ties, claims)
-        return
+        return layouts[number].origin
+    return tuple(range(len(draft.rows)))
 
 
 def _layouts(draft: Draft, choice: list[Symmetry], most: int) -> list[Layout]:
     """Parts matched with one another, and for planes each side copied onto the other."""
     fixed = {index for copy in draft.ties.copies for index in (copy.source, copy.index)}
     layouts = [_completed(lay_out(draft.rows, motions_of(choice), draft.judge, fixed), draft, most)]
-    # Copies of parts keep their place in the list only where none is taken out.
     if all(entry.order == 1 for entry in choice) and not fixed:
         for sides in product((1.0, -1.0), repeat=len(choice)):
             layout = copy_across(draft.rows, choice, sides, draft.judge, fixed, most)
@@ -138,7 +152,9 @@ def _completed(layout: Layout, draft: Draft, most: int) -> Layout:
     judge = draft.judge
     objective = judge.objective(layout.rows)
     while layout.alone:
-        candidates = [candidate for candidate in resolved(layout, judge, most) if len(candidate.rows)]
+        # Copies of the mesh's parts are known by their place in the list: then nothing is taken out.
+        least = len(layout.rows) if draft.ties.copies else 1
+        candidates = [entry for entry in resolved(layout, judge, most) if len(entry.rows) >= least]
         scores = [judge.objective(candidate.rows) for candidate in candidates]
         if not scores or max(scores) < objective - FALLS[-1]:
             break

@@ -115,15 +115,19 @@ def _snap(
     fitted: Fitted, target: Target, config: FitConfig, device: wp.Device, should_stop: Callable[[], bool]
 ) -> None:
     """The assembly made regular; the relations that hold in it."""
-    rows, relations = snap(fitted.outcome.rows, target, config, device, fitted.copies, should_stop)
+    regular = snap(fitted.outcome.rows, target, config, device, fitted.copies, should_stop)
     if fitted.names is not None:
-        # Parts that symmetry added belong to no part of the mesh; where it took some out, no name is sure.
-        same = len(rows) >= len(fitted.names)
-        more = [f"mirrored_{number:02d}" for number in range(1, len(rows) - len(fitted.names) + 1)]
-        fitted.names = fitted.names + more if same else None
-    _take(fitted, rows, target, config, device)
+        names: list[str] = []
+        for origin in regular.origin:
+            # An image is called after the part that it is an image of.
+            name, number = fitted.names[origin], 1
+            while name in names:
+                name, number = f"{fitted.names[origin]}.image{number}", number + 1
+            names.append(name)
+        fitted.names = names
+    _take(fitted, regular.rows, target, config, device)
     fitted.snapped = True
-    fitted.relations = [*_copies(fitted), *relations]
+    fitted.relations = [*_copies(fitted), *regular.relations]
 
 
 def _take(fitted: Fitted, rows: np.ndarray, target: Target, config: FitConfig, device: wp.Device) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ class Layout:
     ties: Ties
     alone: tuple[tuple[int, tuple[Motion, ...]], ...]
     """Primitives with images where there is no part, and the motions to them."""
+    origin: tuple[int, ...]
+    """For each row the primitive that it was, or is an image of, in the assembly that the layout was made from."""
 
 
 def motions_of(symmetries: list[Symmetry], most: int = 24) -> list[Motion]:
@@ -91,7 +93,7 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
         if missing:
             alone.append((index, tuple(missing)))
     ties = Ties(tuple(copies), astride)
-    return Layout(ties.complete(rows, families), ties, tuple(alone))
+    return Layout(ties.complete(rows, families), ties, tuple(alone), tuple(range(len(rows))))
 
 
 def copy_across(
@@ -137,7 +139,7 @@ def copy_across(
             )
     place = {old: new for new, old in enumerate(kept)}
     ties = Ties((), {place[index]: own for index, own in astride.items()})
-    layout = Layout(ties.complete(rows[kept], families), ties, ())
+    layout = Layout(ties.complete(rows[kept], families), ties, (), tuple(kept))
     for index, missing in alone:
         layout = _with_images(layout, place[index], missing, judge)
     return layout if 0 < len(layout.rows) <= most else None
@@ -163,7 +165,8 @@ def _with_images(layout: Layout, index: int, motions: tuple[Motion, ...], judge:
     rows = np.concatenate([layout.rows, np.stack(placed)])
     rows[len(layout.rows) :, BLEND] = row[0, BLEND]
     ties = Ties((*layout.ties.copies, *more), layout.ties.astride)
-    return Layout(ties.complete(rows, judge.families(rows)), ties, layout.alone)
+    origin = (*layout.origin, *[layout.origin[index]] * len(more))
+    return Layout(ties.complete(rows, judge.families(rows)), ties, layout.alone, origin)
 
 
 def resolved(layout: Layout, judge: Judge, most: int) -> list[Layout]:
@@ -171,7 +174,7 @@ def resolved(layout: Layout, judge: Judge, most: int) -> list[Layout]:
     (index, motions), rest = layout.alone[0], layout.alone[1:]
     found = [_without(layout, index, rest)]
     if len(layout.rows) + len(motions) <= most:
-        found.append(_with_images(Layout(layout.rows, layout.ties, rest), index, motions, judge))
+        found.append(_with_images(replace(layout, alone=rest), index, motions, judge))
     return found
 
 
@@ -202,7 +205,8 @@ def _without(layout: Layout, index: int, alone: tuple[tuple[int, tuple[Motion, .
     )
     astride = {place[k]: motions for k, motions in layout.ties.astride.items() if k in place}
     rest = tuple((place[k], motions) for k, motions in alone if k in place)
-    return Layout(layout.rows[kept], Ties(copies, astride), rest)
+    origin = tuple(layout.origin[k] for k in kept)
+    return Layout(layout.rows[kept], Ties(copies, astride), rest, origin)
 
 
 def _shares(images: np.ndarray, bits: np.ndarray) -> np.ndarray:

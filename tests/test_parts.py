@@ -197,3 +197,14 @@ def test_when_a_mesh_is_taken_apart() -> None:
 
 def test_names_of_primitives() -> None:
     assert name_primitives(["wheel", "axle", "wheel", "wheel"]) == ["wheel", "axle", "wheel.2", "wheel.3"]
+
+
+def test_regular_parts_keep_names_and_copies() -> None:
+    result = resfit.fit(cart(), preset="fast", device="cpu", per_part="on", snap=True, rounds=1)
+    parts = {part.name: part for part in result.assembly.primitives}
+    assert {"body", "wheel_fl", "wheel_fr", "wheel_bl"} <= set(parts)
+    for relation in result.relations:
+        if relation["kind"] == "copy":
+            first, second = (parts[name] for name in relation["parts"])
+            assert first.parameters == second.parameters
+    assert result.snapped and result.metrics["iou"] > 0.9
