@@ -39,8 +39,12 @@ def hilbert_codes() -> np.ndarray:
 
 def curve_codes(points: np.ndarray) -> np.ndarray:
     """Places (n,) uint16, below 2^15, of points (n, 3) on the curve through their bounding cube."""
-    points = np.asarray(points, np.float32)
-    low = points.min(0)
-    size = max(float((points.max(0) - low).max()), 1e-9)
-    cells = np.minimum((points - low) * np.float32((1 << BITS) / size), (1 << BITS) - 1).astype(np.int32)
-    return hilbert_codes()[cells[:, 0] | (cells[:, 1] << BITS) | (cells[:, 2] << (2 * BITS))]
+    # Axis by axis: numpy is many times slower over the short axis of (n, 3).
+    axes = np.ascontiguousarray(np.asarray(points, np.float32).T)
+    low = [axis.min() for axis in axes]
+    size = max(*(axis.max() - least for axis, least in zip(axes, low, strict=True)), 1e-9)
+    code = np.zeros(len(points), np.int32)
+    for number, (axis, least) in enumerate(zip(axes, low, strict=True)):
+        cell = ((axis - least) * np.float32((1 << BITS) / size)).astype(np.int32)
+        code |= np.minimum(cell, (1 << BITS) - 1) << (BITS * number)
+    return hilbert_codes()[code]

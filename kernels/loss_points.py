@@ -32,8 +32,8 @@ OWN, BLENDED, COVERING = wp.constant(1), wp.constant(2), wp.constant(4)
 BLENDED_BELOW = wp.constant(0.98)
 """Share of the owner in the union below which the second nearest gets a row of it too."""
 
-FLAT = wp.constant(8.0)
-"""Distance in units of 1 / sharpness beyond which the occupancy has no slope to speak of: 1e-3 of the steepest."""
+FLAT = wp.constant(6.0)
+"""Distance in units of 1 / sharpness beyond which the occupancy has no slope to speak of: a hundredth of the steepest."""
 
 
 @dataclass(frozen=True)
