@@ -33,7 +33,7 @@ BLENDED_BELOW = wp.constant(0.98)
 """Share of the owner in the union below which the second nearest gets a row of it too."""
 
 FLAT = wp.constant(6.0)
-"""Distance in units of 1 / sharpness beyond which the occupancy has no slope to speak of: a hundredth of the steepest."""
+"""Distance in units of 1 / sharpness beyond which the occupancy has no slope to speak of: 1 % of the steepest."""
 
 
 @dataclass(frozen=True)
