@@ -21,8 +21,8 @@ from resfit.eval.prediction import rows_in_frame
 from resfit.export.by_suffix import export_assembly as export
 from resfit.fitter.chamfer import move_assembly
 from resfit.fitter.config import FitConfig, preset_config
-from resfit.fitter.loop import Progress
 from resfit.fitter.stages import fit_stages
+from resfit.fitter.workbench import Progress
 from resfit.kernels import launch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
