@@ -25,6 +25,7 @@ def propose_regions(
     *,
     first_round: bool,
     device: wp.Device,
+    slabs: bool = True,
     fractions: tuple[float, ...] = FRACTIONS,
     most: int = MOST_REGIONS,
 ) -> list[Region]:
@@ -35,6 +36,7 @@ def propose_regions(
         explained: the same of the assembly so far, None if there is none.
         first_round: propose the whole residual as one region too.
         device: where distances are measured.
+        slabs: propose the pieces between changes of the cross-section too: big ones, some of them perforated.
         fractions: volume fractions of the morphological decompositions.
         most: regions at most; the largest are kept.
 
@@ -52,7 +54,8 @@ def propose_regions(
     working = working_grid(residual)
     found += decompose(working, fractions, device)
     found += straight_parts(working)
-    found += section_parts(working)
+    if slabs:
+        found += section_parts(working)
     if first_round:
         found += hole_parts(working)
     # The sort is stable: of equal volumes the whole stays before components, and these before parts.

@@ -22,6 +22,7 @@ class Chooser:
         """`bits` (candidates, n) bool: which sample points each candidate holds."""
         self.tally, self.alpha, self.false_volume = tally, alpha, false_volume
         self.points = [np.flatnonzero(row) for row in bits]
+        self.sizes = np.array([len(points) for points in self.points])
         self.bits = CandidateBits(bits, device)
         self.counts = np.zeros(bits.shape[1], np.int32)
         self.chosen: list[int] = []
@@ -97,9 +98,20 @@ class Chooser:
         gains[self.chosen] = -np.inf
         return gains
 
-    def best_addition(self) -> tuple[int, float]:
-        """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left."""
+    def likeness(self, index: int) -> np.ndarray:
+        """Points that each candidate shares with this one, as a share of the points in either: (candidates,)."""
+        points = self.points[index]
+        common = self.bits.weigh([(points, np.ones(len(points)))])[:, 0]
+        return common / np.maximum(self.sizes + len(points) - common, 1.0)
+
+    def best_addition(self, barred: np.ndarray | None = None) -> tuple[int, float]:
+        """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left.
+
+        Candidates that are `barred` (candidates,) do not count.
+        """
         gains = self.gains()
+        if barred is not None:
+            gains[barred] = -np.inf
         if not len(gains):
             return -1, -np.inf
         leader = int(np.argmax(gains))

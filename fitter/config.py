@@ -24,7 +24,7 @@ class ProposeConfig:
     """Touching pairs of primitives that are tried as one."""
     points: int = 512
     """Sample points a region is fitted to."""
-    keep: tuple[int, int] = (8, 2)
+    keep: tuple[int, int] = (8, 1)
     """Starts kept a region after the first and the second stage of fitting."""
     iterations: tuple[int, int, int] = (7, 8, 12)
     """Levenberg steps of the three stages."""

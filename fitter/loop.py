@@ -33,6 +33,9 @@ RICH_ROUNDS = ((0.3, 2.5), (0.5, 2.0), (0.75, 1.4))
 is rich and precise at first finds what belongs together; one that is poor and bulky at first stays so (a plate with
 pockets as one box)."""
 
+SECOND_RICH = ((0.4, 2.0), (0.7, 1.4))
+"""The same of a second beginning, which has the candidates of the first."""
+
 ADAM_SEEDS = 7
 """Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
 
@@ -60,6 +63,9 @@ class Fit(Workbench):
     ):
         super().__init__(target, config, device, on_progress, should_stop, start_rows)
         self.memory = CandidateMemory()
+        self.slabs = config.excursions == 0
+        """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
+        offer, a greedy choice takes them and never gets to what they are made of."""
         self.rounds: list[Round] = []
         self.best_rows, self.best_score, self.best_iou = self.rows, self.score, self.iou
 
@@ -99,7 +105,7 @@ class Fit(Workbench):
         for track in range(1 if peers else 1 + self.config.excursions):
             beginning = RICH_ROUNDS
             if track % 2 and not started:
-                beginning = ()
+                beginning = SECOND_RICH
                 self.restart()
             elif track:
                 self.look()
@@ -115,6 +121,7 @@ class Fit(Workbench):
 
     def restart(self) -> None:
         """Begin anew from nothing."""
+        self.slabs = True
         self.rows, self.field, self.iou = self.rows[:0], None, 0.0
         self.score = self.assess(self.rows)
 
@@ -223,7 +230,12 @@ class Fit(Workbench):
         if config.decompose == "coacd":
             return propose_convex_regions(self.target.grid, self.field, most, config.seed)
         regions = propose_regions(
-            self.target.grid, self.field, first_round=not len(self.rows), device=self.device, most=most
+            self.target.grid,
+            self.field,
+            first_round=not len(self.rows),
+            device=self.device,
+            slabs=self.slabs,
+            most=most,
         )
         if config.optimizer == "adam":
             return [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]

@@ -11,7 +11,7 @@ from .propose import fit_regions
 
 SAME_SHARE = 0.85
 """Regions that share more than this of their union are one."""
-REMEMBERED = 400
+REMEMBERED = 600
 """Regions kept: the latest ones."""
 
 

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 OVERLAP_PRICE = 0.1
-"""Objective lost to a share of the volume that lies in more than one primitive. At 0.03 a search with several
-beginnings likes bulky primitives that cross: a third of a fish in two of them."""
+"""Objective lost to a share of the volume that lies in more than one primitive."""
+
+SEARCH_OVERLAP_PRICE = 0.03
+"""The same while candidates are chosen: refinement takes overlaps away, and at the full price too few are chosen."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class Tally:
     def objective(
         self, held: np.ndarray, primitive_count: int, alpha: float, false_volume: float = 1.0
     ) -> np.ndarray:
-        """The objective from sums, for many assemblies at once.
+        """The objective from sums, for many assemblies at once, overlaps at the price of the search.
 
         Args:
             held: (..., 5): weight of the covered points by class, and box points covered twice.
@@ -97,4 +99,4 @@ class Tally:
         near = near_in / np.maximum(self.near_total + false_volume * near_out, 1e-9)
         volume = box_in / np.maximum(self.box_total + false_volume * box_out, 1e-9)
         overlap = twice / np.maximum(box_in + box_out, 1.0)
-        return 0.5 * (near + volume) - alpha * primitive_count - OVERLAP_PRICE * overlap
+        return 0.5 * (near + volume) - alpha * primitive_count - SEARCH_OVERLAP_PRICE * overlap

@@ -11,8 +11,10 @@ from .objective import Tally
 
 EXCHANGES = 3
 """Passes over the chosen ones in search of something better; later passes hardly ever find any."""
-REPLACEMENTS = 3
+REPLACEMENTS = 8
 """Candidates that may take the place of one."""
+TWIN = 0.6
+"""Share of common points, of the points in either, above which a candidate is another try at the same part."""
 WIDE_LOOK = 24
 """Candidates whose addition alone does not pay that are tried as a replacement of several."""
 
@@ -90,12 +92,16 @@ def _exchange(choice: Chooser, most: int) -> None:
 
 
 def _try_without(choice: Chooser, member: int, most: int) -> None:
-    """Take a member out and let the best few come in; undo that unless the objective rose."""
+    """Let the best few of another kind come in for a member; undo that unless the objective rose.
+
+    What is much like the member is left out: the greedy choice would only take it back.
+    """
     before, saved = choice.score(), choice.save()
+    barred = choice.likeness(member) > TWIN
     choice.remove(member)
     for _ in range(REPLACEMENTS):
-        leader, gain = choice.best_addition()
-        if gain <= 0 or leader == member or len(choice.chosen) >= most:
+        leader, gain = choice.best_addition(barred)
+        if gain <= 0 or len(choice.chosen) >= most:
             break
         choice.add(leader)
     if choice.score() <= before + 1e-6:
