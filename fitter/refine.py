@@ -33,8 +33,11 @@ SHARED_DAMPING = Damping(better=0.4, worse=6.0, least=1e-5)
 MOST_BLEND = 0.12
 """Largest blend radius, normalised units. A blend of 0 stays 0."""
 
-RAISE = 1.3
-"""The sharpness rises in steps of at least this factor: each of them starts from a new loss."""
+RAISE = 1.5
+"""The sharpness rises by about this factor at a time: each time starts from a new loss, at all points."""
+
+ANNEALED = 0.5
+"""Share of the steps after which it rises no more."""
 
 
 def fold(values: np.ndarray, blends: np.ndarray) -> np.ndarray:
@@ -73,17 +76,25 @@ def refine(
     if not len(rows) or not len(samples.points):
         return rows
     step = RefineStep(rows, families, samples, config, device)
-    low, high = config.betas
-    beta = 0.0
+    levels = sharpness_levels(config)
     for number in range(config.iterations):
         if should_stop():
             break
-        wanted = low * (high / low) ** min(1.0, number / max(1, 0.7 * config.iterations))
-        if wanted > RAISE * beta:
-            beta = wanted
-            step.sharpen(beta)
+        if number in levels:
+            step.sharpen(levels[number])
         step.run()
     return rows_of(step.state)
+
+
+def sharpness_levels(config: RefineConfig) -> dict[int, float]:
+    """The steps at which the sharpness rises, and to what: evenly until ANNEALED, each time by about RAISE."""
+    low, high = config.betas
+    count = max(1, round(np.log(high / low) / np.log(RAISE))) if high > low else 0
+    until = ANNEALED * config.iterations
+    # Steps that coincide, in a short refinement, keep the sharper one.
+    return {
+        round(n * until / max(count, 1)): low * (high / low) ** (n / max(count, 1)) for n in range(count + 1)
+    }
 
 
 class RefineStep:

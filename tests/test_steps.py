@@ -9,7 +9,7 @@ from scenes import random_rows
 from resfit.fitter.config import RefineConfig
 from resfit.fitter.levenberg import fit_ranges
 from resfit.fitter.objective import ObjectiveSamples
-from resfit.fitter.refine import RefineStep, refine
+from resfit.fitter.refine import RefineStep, refine, sharpness_levels
 from resfit.kernels import launch as launching
 from resfit.kernels.curve import curve_codes, hilbert_codes
 from resfit.kernels.field import evaluate_primitives
@@ -257,6 +257,19 @@ def test_refinement_lowers_the_loss(scene, device):
     assert not refine(rows, MIXED, samples, config, device)[:, BLEND].any(), "hard unions stay hard"
     again = refine(rows, MIXED, samples, config, device, should_stop=lambda: True)
     np.testing.assert_array_equal(again, rows)
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 5, 24, 60])
+@pytest.mark.parametrize("betas", [(30.0, 150.0), (80.0, 80.0), (100.0, 110.0)])
+def test_sharpness_rises_to_the_last(iterations, betas):
+    """A first level at step 0, later ones sharper, the last as asked for, with steps left to use it."""
+    levels = sharpness_levels(RefineConfig(iterations=iterations, betas=betas))
+    steps = sorted(levels)
+    assert steps[0] == 0 and (steps[-1] <= 0.5 * iterations + 1)
+    assert [levels[step] for step in steps] == sorted(levels.values())
+    if iterations > 5:
+        assert levels[0] == betas[0]
+    assert levels[steps[-1]] == pytest.approx(betas[1])
 
 
 def test_same_bytes_on_one_core_and_two(scene, device, rng, monkeypatch):
