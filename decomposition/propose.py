@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from .box_tree import box_tree_parts
 from .coarse import working_grid
 from .holes import hole_parts
 from .msd import decompose
@@ -54,6 +55,7 @@ def propose_regions(
     working = working_grid(residual)
     found += decompose(working, fractions, device)
     found += straight_parts(working)
+    found += box_tree_parts(working)
     if slabs:
         found += section_parts(working)
     if first_round:

@@ -59,7 +59,7 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally) -> np.ndar
         rest = held - tally.sums(near[at[union[at] < 0]])
         stack = np.concatenate([prefix[None, at], values[k:, at]])
         best = (-np.inf, float(blends[k]), union[at], held)
-        for choice in BLEND_CHOICES:
+        for choice in (*BLEND_CHOICES, float(blends[k])):
             blends[k] = choice
             folded = fold(stack, np.concatenate([[0.0], blends[k:]]))
             sums = rest + tally.sums(near[at[folded < 0]])

@@ -44,7 +44,7 @@ class RefineConfig:
 
     iterations: int = 24
     """Levenberg steps a round."""
-    overlap: float = 0.2
+    overlap: float = 0.3
     """Weight of the rows that push a second primitive out of a covered point."""
     betas: tuple[float, float] = (30.0, 150.0)
     """Sharpness of the occupancy at the start and end, per normalised unit."""
@@ -55,7 +55,7 @@ class PolishConfig:
     """The last step of a fit: blends are chosen and all primitives refined, in turn."""
 
     passes: int = 2
-    refine: RefineConfig = RefineConfig(iterations=30, overlap=0.2, betas=(120.0, 400.0))
+    refine: RefineConfig = RefineConfig(iterations=30, overlap=0.3, betas=(120.0, 400.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class AdamConfig:
     """Share of the steps after which a learned axis is settled."""
 
 
-SHARP = (80.0, 300.0)
+SHARP = (100.0, 400.0)
 """Sharpness of plain rounds: a blunt step would wash out what earlier rounds made fine."""
 
 PRESETS: dict[str, dict[str, Any]] = {

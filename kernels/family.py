@@ -161,7 +161,7 @@ def onion_parameter() -> Parameter:
         "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
         "ratio",
         (-1.0, 1.0),
-        (-1.0, 0.975),
+        (-1.0, 0.995),
         (-1.0,),
         (-1.0, 1.0),
     )

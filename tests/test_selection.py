@@ -9,7 +9,7 @@ import pytest
 
 from resfit.fitter.chooser import Chooser
 from resfit.fitter.config import SelectConfig
-from resfit.fitter.objective import OVERLAP_PRICE, ObjectiveSamples, Tally
+from resfit.fitter.objective import SEARCH_OVERLAP_PRICE, ObjectiveSamples, Tally
 from resfit.fitter.select import prune, select
 from resfit.kernels import launch as launching
 from resfit.kernels.occupancy import CandidateBits
@@ -40,7 +40,7 @@ def exact_objective(bits, samples, alpha):
         both, either = (covered & inside)[part], (covered | inside)[part]
         total += 0.5 * weight[both].sum() / weight[either].sum()
     overlap = (counts > 1)[~near].sum() / max(1, covered[~near].sum())
-    return total - alpha * len(bits) - OVERLAP_PRICE * overlap
+    return total - alpha * len(bits) - SEARCH_OVERLAP_PRICE * overlap
 
 
 def test_bits_are_weighed_exactly(device, rng, monkeypatch):
