@@ -12,6 +12,9 @@ import warp as wp
 from ..kernels.occupancy import CandidateBits
 from .objective import Tally
 
+ABSORBED = 0.75
+"""Share of a member's points that a candidate which could stand for it holds."""
+
 
 class Chooser:
     """The chosen candidates and the gains of all others."""
@@ -104,6 +107,13 @@ class Chooser:
         common = self.bits.weigh([(points, np.ones(len(points)))])[:, 0]
         return common / np.maximum(self.sizes + len(points) - common, 1.0)
 
+    def absorbs(self) -> np.ndarray:
+        """Which members each candidate holds nearly all of: (candidates, members) bool, in the order of choice."""
+        if not self.chosen:
+            return np.zeros((len(self.points), 0), bool)
+        tasks = [(self.points[member], np.ones(len(self.points[member]))) for member in self.chosen]
+        return self.bits.weigh(tasks) > ABSORBED * np.maximum(self.sizes[self.chosen], 1)
+
     def best_addition(self, barred: np.ndarray | None = None) -> tuple[int, float]:
         """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left.
 
@@ -133,6 +143,16 @@ class Chooser:
             if gain > best_gain:
                 best, best_gain = member, gain
         return best, best_gain
+
+    def score_swapped(self, newcomer: int, leavers: list[int]) -> float:
+        """The objective with a candidate in the place of members; leaves the choice as it was."""
+        counts, held = self.counts.copy(), self.held.copy()
+        self._change(newcomer, 1, mend_sums=False)
+        for leaver in leavers:
+            self._change(leaver, -1, mend_sums=False)
+        score = float(self._objective(self.held, len(self.chosen) + 1 - len(leavers)))
+        self.counts, self.held = counts, held
+        return score
 
     def replace_redundant(self, index: int) -> list[int] | None:
         """Members that a candidate makes redundant, if adding it and removing them raises the objective.

@@ -55,6 +55,8 @@ class PolishConfig:
     """The last step of a fit: blends are chosen and all primitives refined, in turn."""
 
     passes: int = 2
+    merges: int = 8
+    """Times that one candidate is tried in the place of several parts."""
     refine: RefineConfig = RefineConfig(iterations=30, overlap=0.3, betas=(120.0, 400.0))
 
 
@@ -97,7 +99,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "select": SelectConfig(),
         "refine": RefineConfig(iterations=14),
         "sharpen": RefineConfig(iterations=14, betas=SHARP),
-        "polish": PolishConfig(passes=1),
+        "polish": PolishConfig(passes=1, merges=3),
     },
     "balanced": {
         "rounds": 16,
@@ -117,7 +119,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "select": SelectConfig(beam=8),
         "refine": RefineConfig(iterations=48),
         "sharpen": RefineConfig(iterations=48, betas=SHARP),
-        "polish": PolishConfig(passes=3),
+        "polish": PolishConfig(passes=3, merges=24),
     },
 }
 

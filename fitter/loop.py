@@ -17,6 +17,7 @@ from .adam import refine_with_adam
 from .assess import choose_blends, rough_volume, sorted_by_volume
 from .config import FitConfig, RefineConfig
 from .memory import CandidateMemory
+from .merge import mergers
 from .objective import Score
 from .outcome import Outcome, Round, Status
 from .probes import with_probes
@@ -35,6 +36,9 @@ pockets as one box)."""
 
 SECOND_RICH = ((0.4, 2.0), (0.7, 1.4))
 """The same of a second beginning, which has the candidates of the first."""
+
+MERGED = (40.0, 300.0)
+"""Sharpness of the refinement of a merged part and those around it."""
 
 ADAM_SEEDS = 7
 """Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
@@ -293,6 +297,9 @@ class Fit(Workbench):
         if not len(self.rows):
             return
         self.alpha = self.config.parsimony
+        with self.timed("merge"):
+            if self.config.optimizer == "levenberg":
+                self.merge()
         with self.timed("finish"):
             rows, polish = self.rows, self.config.polish
             for _ in range(polish.passes):
@@ -305,6 +312,20 @@ class Fit(Workbench):
                     )
                     self.keep_if_better(rows)
         self.look()
+
+    def merge(self) -> None:
+        """Put one candidate in the place of several parts, refined before it is judged.
+
+        Selection compares what was refined together with candidates as they were fitted, so that it holds on to two
+        parts, a shell and its filling say, where one would do.
+        """
+        tries, settings = self.config.polish.merges, replace(self.config.sharpen, betas=MERGED)
+        moves = mergers(self.rows, self.memory.candidates(), self, tries)
+        while moves and tries and not self.should_stop():
+            before, tries = self.score, tries - 1
+            self.keep_if_better(self.refine(moves.pop(0), len(self.rounds), settings))
+            if self.score is not before:
+                moves = mergers(self.rows, self.memory.candidates(), self, tries)
 
     def keep_if_better(self, rows: np.ndarray) -> None:
         """Take rows, pruned, if they beat those so far."""

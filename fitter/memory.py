@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..decomposition.region import Region
+from ..kernels.rows import ROW
 from .config import FitConfig
 from .propose import fit_regions
 
@@ -39,7 +40,11 @@ class CandidateMemory:
         self.regions = self.regions[-REMEMBERED:]
         self.rows = self.rows[-REMEMBERED:]
         self.boxes = self.boxes[-REMEMBERED:]
-        return np.concatenate(self.rows)
+        return self.candidates()
+
+    def candidates(self) -> np.ndarray:
+        """All candidates remembered, (count, ROW) float32."""
+        return np.concatenate(self.rows) if self.rows else np.zeros((0, ROW), np.float32)
 
     def _known(self, region: Region) -> bool:
         """Whether a region like it was tried; boxes and volumes rule most out without looking at cells."""

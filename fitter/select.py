@@ -78,8 +78,7 @@ def _exchange(choice: Chooser, most: int) -> None:
         before = choice.score()
         for member in list(choice.chosen):
             _try_without(choice, member, most)
-        gains = choice.gains()
-        for leader in np.argsort(-gains, kind="stable")[:WIDE_LOOK].tolist():
+        for leader in _leaders(choice):
             if leader in choice.chosen:
                 continue
             leavers = choice.replace_redundant(leader)
@@ -89,6 +88,16 @@ def _exchange(choice: Chooser, most: int) -> None:
                     choice.remove(leaver)
         if choice.score() <= before + 1e-6:
             return
+
+
+def _leaders(choice: Chooser) -> list[int]:
+    """Candidates that may pay if others leave: those that hold most of two members or more, and those that nearly pay
+    as it is."""
+    gains, absorbed = choice.gains(), choice.absorbs().sum(1)
+    nearly = np.argsort(-gains, kind="stable")[:WIDE_LOOK]
+    merging = np.lexsort((-gains, -absorbed))[:WIDE_LOOK]
+    merging = merging[absorbed[merging] > 1]
+    return list(dict.fromkeys([*merging.tolist(), *nearly.tolist()]))
 
 
 def _try_without(choice: Chooser, member: int, most: int) -> None:

@@ -1,4 +1,4 @@
-"""Slabs between changes of the cross-section, rings around holes, probes of what sticks out."""
+"""Slabs and trees of boxes, rings around holes, probes of what sticks out, parts that one can stand for."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import trimesh
 import warp as wp
 from test_decomposition import box, cells, grid, paint, share
 
+from resfit.decomposition.box_tree import best_cuts, box_tree_parts
 from resfit.decomposition.coarse import working_grid
 from resfit.decomposition.holes import hole_parts, rings
 from resfit.decomposition.residual import find_residual
 from resfit.decomposition.sections import section_cuts, section_parts
+from resfit.fitter.config import preset_config
+from resfit.fitter.merge import mergers
 from resfit.fitter.objective import ObjectiveSamples
 from resfit.fitter.probes import DRAWS, with_probes
+from resfit.fitter.workbench import Workbench
 from resfit.kernels.rows import SHAPES, empty_rows
 from resfit.target.target import make_target
 
@@ -95,3 +99,43 @@ def test_probes_see_what_sticks_out(device: wp.Device) -> None:
     np.testing.assert_allclose(distance, np.abs(probes[:, 2]) - 0.36, atol=1e-3)
     again = with_probes(samples, out[None], families, target, 0, device)
     assert np.array_equal(more.points, again.points) and np.array_equal(more.weight, again.weight)
+
+
+def test_box_tree_cuts_a_step_once_and_a_frame_at_both_sides() -> None:
+    step = np.ones((20, 10, 10), bool)
+    step[12:, 4:] = False
+    assert best_cuts(step) == (0, [12])
+    ladder = np.zeros((40, 6, 20), bool)
+    ladder[:, :, :4] = ladder[:, :, 16:] = True
+    ladder[10:13, 2:4] = ladder[25:28, 2:4] = True
+    assert best_cuts(ladder) == (2, [4, 16])
+    assert best_cuts(np.ones((8, 8, 8), bool)) is None
+
+
+def test_box_tree_finds_the_bars_of_a_chair() -> None:
+    seat = box((-0.4, -0.4, -0.05), (0.4, 0.4, 0.05))
+    back = box((-0.4, 0.3, 0.05), (0.4, 0.4, 0.8))
+    legs = [
+        box((x - 0.06, y - 0.06, -0.8), (x + 0.06, y + 0.06, -0.05))
+        for x in (-0.34, 0.34)
+        for y in (-0.34, 0.34)
+    ]
+    found = parts_of(grid(seat, back, *legs), box_tree_parts)
+    # The back and the legs under it share a box: they come off together, and apart below.
+    rear = grid(back, box((-0.4, 0.3, -0.05), (0.4, 0.4, 0.05)), legs[1], legs[3])
+    for piece in (legs[0], legs[2], rear):
+        assert max(share(part, piece < 0) for part in found) > 0.85
+
+
+def test_two_halves_of_a_box_are_merged(device: wp.Device) -> None:
+    target = make_target(trimesh.creation.box((1.0, 0.6, 0.4)), device, 64, 2000)
+    config = preset_config("fast")
+    halves, whole = empty_rows(2), empty_rows(1)
+    halves[:, SHAPES : SHAPES + 8] = [0.9, 1.08, 0.72, 0.0, 0.0, 1.0, 0.0, -1.0]
+    halves[:, 0] = [-0.45, 0.45]
+    whole[:, SHAPES : SHAPES + 8] = [1.799, 1.079, 0.719, 0.0, 0.0, 1.0, 0.0, -1.0]
+    bench = Workbench(target, config, device, start_rows=halves)
+    moves = mergers(halves, whole, bench, 4)
+    assert len(moves) == 1 and len(moves[0]) == 1
+    np.testing.assert_array_equal(moves[0][0, SHAPES : SHAPES + 8], whole[0, SHAPES : SHAPES + 8])
+    assert not mergers(whole, halves, bench, 4)
