@@ -92,16 +92,18 @@ SHARP = (100.0, 400.0)
 
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
-        "rounds": 2,
+        "parsimony": 2.5e-3,
+        "rounds": 4,
         "excursions": 0,
         "samples": 8192,
-        "propose": ProposeConfig(regions=24, keep=(4, 1), iterations=(6, 6, 8)),
+        "propose": ProposeConfig(regions=48, keep=(4, 1), iterations=(6, 6, 8)),
         "select": SelectConfig(),
         "refine": RefineConfig(iterations=14),
         "sharpen": RefineConfig(iterations=14, betas=SHARP),
         "polish": PolishConfig(passes=1, merges=3),
     },
     "balanced": {
+        "parsimony": 2.5e-3,
         "rounds": 16,
         "excursions": 1,
         "samples": 16_384,
@@ -112,14 +114,15 @@ PRESETS: dict[str, dict[str, Any]] = {
         "polish": PolishConfig(),
     },
     "best": {
-        "rounds": 30,
+        "parsimony": 1e-3,
+        "rounds": 24,
         "excursions": 2,
-        "samples": 32_768,
-        "propose": ProposeConfig(regions=96, points=1024, keep=(10, 3), iterations=(8, 10, 16)),
-        "select": SelectConfig(beam=8),
-        "refine": RefineConfig(iterations=48),
-        "sharpen": RefineConfig(iterations=48, betas=SHARP),
-        "polish": PolishConfig(passes=3, merges=24),
+        "samples": 16_384,
+        "propose": ProposeConfig(regions=96),
+        "select": SelectConfig(beam=6),
+        "refine": RefineConfig(iterations=36),
+        "sharpen": RefineConfig(iterations=36, betas=SHARP),
+        "polish": PolishConfig(passes=3, merges=16),
     },
 }
 
@@ -156,7 +159,7 @@ class FitConfig:
     rounds: int = FROM_PRESET
     excursions: int = FROM_PRESET
     """Times that a saturated fit is made rich again and goes on from there."""
-    parsimony: float = 2.5e-3
+    parsimony: float = FROM_PRESET
     """Objective that a primitive must bring (alpha)."""
     snap: bool = False
     """Make the result regular: symmetry, canonical shapes, equal axes, sizes and centres (`fitter/snap.py`)."""
