@@ -26,7 +26,9 @@ def propose_regions(
     *,
     first_round: bool,
     device: wp.Device,
+    blocks: bool = True,
     slabs: bool = True,
+    holes: bool = True,
     fractions: tuple[float, ...] = FRACTIONS,
     most: int = MOST_REGIONS,
 ) -> list[Region]:
@@ -37,7 +39,9 @@ def propose_regions(
         explained: the same of the assembly so far, None if there is none.
         first_round: propose the whole residual as one region too.
         device: where distances are measured.
+        blocks: propose a tree of boxes' pieces.
         slabs: propose the pieces between changes of the cross-section too: big ones, some of them perforated.
+        holes: propose the walls around holes, at first.
         fractions: volume fractions of the morphological decompositions.
         most: regions at most; the largest are kept.
 
@@ -55,10 +59,11 @@ def propose_regions(
     working = working_grid(residual)
     found += decompose(working, fractions, device)
     found += straight_parts(working)
-    found += box_tree_parts(working)
+    if blocks:
+        found += box_tree_parts(working)
     if slabs:
         found += section_parts(working)
-    if first_round:
+    if holes and first_round:
         found += hole_parts(working)
     # The sort is stable: of equal volumes the whole stays before components, and these before parts.
     found.sort(key=lambda region: -region.volume)

@@ -22,6 +22,12 @@ class ProposeConfig:
     """Primitives, the worst ones, whose parts are tried anew."""
     merges: int = 32
     """Touching pairs of primitives that are tried as one."""
+    blocks: bool = True
+    """Whether pieces of a tree of boxes are tried."""
+    slabs: bool = True
+    """Whether pieces between changes of the cross-section are tried."""
+    holes: bool = True
+    """Whether walls around holes are tried."""
     points: int = 512
     """Sample points a region is fitted to."""
     keep: tuple[int, int] = (8, 1)
@@ -157,8 +163,10 @@ class FitConfig:
     timeout: float = 0.0
     """Seconds after which the best so far is returned; 0 is off."""
     rounds: int = FROM_PRESET
+    probes: bool = True
+    """Whether refinement watches points where primitives stick out of the target."""
     excursions: int = FROM_PRESET
-    """Times that a saturated fit is made rich again and goes on from there."""
+    """Further beginnings of the search, before what all found is put together: every other one from nothing."""
     parsimony: float = FROM_PRESET
     """Objective that a primitive must bring (alpha)."""
     snap: bool = False

@@ -238,7 +238,9 @@ class Fit(Workbench):
             self.field,
             first_round=not len(self.rows),
             device=self.device,
-            slabs=self.slabs,
+            blocks=config.propose.blocks,
+            slabs=config.propose.slabs and self.slabs,
+            holes=config.propose.holes,
             most=most,
         )
         if config.optimizer == "adam":
@@ -266,7 +268,9 @@ class Fit(Workbench):
                 self.should_stop,
                 self.target.query.signed_distance,
             )
-        samples = with_probes(self.samples, rows, families, self.target, config.seed + number, self.device)
+        samples = self.samples
+        if config.probes:
+            samples = with_probes(samples, rows, families, self.target, config.seed + number, self.device)
         return refine(rows, families, samples, settings, self.device, self.should_stop)
 
     def remember_best(self) -> None:
