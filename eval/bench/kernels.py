@@ -316,11 +316,14 @@ def markdown_table(rows: list[Row], machine: str) -> str:
 
 
 def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | None = None) -> int:
-    """Measure all kernels and print the table, or JSON; optionally write the Markdown page.
+    """Measure all kernels and the published workload, and print the tables, or JSON; optionally write the page.
 
     Returns:
         0. Bounds are shown, not enforced: a machine may simply be slower.
     """
+    # It measures with what is here.
+    from .workload import measure_steps, say_row, workload_table
+
     chosen = launching.choose_device(device)
     machine = cpu_model() if chosen.is_cpu else chosen.name
     rows = []
@@ -330,16 +333,19 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
             sys.stderr.write(
                 f"{rows[-1].name}: {rows[-1].ns_per_evaluation:.2f} ns, {rows[-1].milliseconds:.3f} ms\n"
             )
+    published = measure_steps(chosen, on_row=None if as_json else say_row)
+    page = markdown_table(rows, machine) + workload_table(published)
     if markdown is not None:
-        markdown.write_text(markdown_table(rows, machine))
+        markdown.write_text(page)
     if as_json:
         document = {
             "device": chosen.alias,
             "machine": machine,
             "compile_seconds": round(launching.compile_seconds, 2),
             "rows": [asdict(row) for row in rows],
+            "published_workload": [asdict(row) for row in published],
         }
         sys.stdout.write(json.dumps(document, indent=1) + "\n")
     else:
-        sys.stdout.write(markdown_table(rows, machine))
+        sys.stdout.write(page)
     return 0

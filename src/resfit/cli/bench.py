@@ -1,4 +1,4 @@
-"""`resfit bench`: speed of this machine, how well single primitives are found, what the choices in a fit are worth."""
+"""`resfit bench`: speed of this machine, of a fit and its stages, finding single primitives; worth of the choices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FAILED, STOPPED = 3, 4
 
 
 def bench(
-    what: Literal["kernels", "recovery", "ablation"] = "kernels",
+    what: Literal["kernels", "fit", "recovery", "ablation"] = "kernels",
     /,
     *meshes: str,
     device: str = "auto",
@@ -25,27 +25,43 @@ def bench(
     studies: str = "primitive,rounds,optimizer,moves",
     timeout: float = 600.0,
     fresh: Annotated[bool, Parameter(negative="")] = False,
+    preset: Literal["fast", "balanced", "best"] = "balanced",
+    repeats: int = 3,
+    cold: Annotated[bool, Parameter(negative="")] = False,
+    grow: Annotated[bool, Parameter(negative="")] = False,
+    sizes: str = "",
 ) -> int:
-    """Measure this machine's speed, how well single primitives are recovered, or what each choice in a fit is worth.
+    """Measure speed here, a fit by stage, how well single primitives are recovered, or what each choice is worth.
 
     Args:
-        what: "kernels" times every kernel; "recovery" fits random SuperFrusta to their own voxel grids; "ablation" fits
-            meshes in variants and writes ablation.md and ablation.tex.
-        meshes: of the ablation: files, folders or lists, as for resfit compare.
+        what: "kernels" times every kernel; "fit" times whole fits by stage; "recovery" fits random SuperFrusta to their
+            own voxel grids; "ablation" fits meshes in variants and writes ablation.md and ablation.tex.
+        meshes: of fit and the ablation: files, folders or lists, as for resfit compare; fit takes the bundled ones if
+            there are none.
         device: auto, cpu or cuda:0.
         as_json: print JSON and nothing else.
-        markdown: also write the table of the kernels to this file.
+        markdown: also write the tables of the kernels or of fit to this file, and fit's chart of growth beside it.
         count: primitives to recover.
         output: folder of the ablation; what an earlier run has finished there is not done again.
         studies: of the ablation, separated by commas: primitive (family x union), rounds (single shot or rounds x
             decomposition), optimizer (Levenberg or Adam), moves (one feature switched off a row).
-        timeout: seconds a fit of the ablation; 0 is off.
+        timeout: seconds a fit of the ablation or of fit; 0 is off.
         fresh: do the ablation's finished rows again.
+        preset: of fit.
+        repeats: runs of each fit, whose median is shown.
+        cold: of fit: also compile all kernels into an empty cache.
+        grow: of fit: also how the stages grow with the faces, the grid, the primitives and the samples.
+        sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k"; a few sizes of
+            all four unless given.
     """
     if what == "ablation":
         return ablation(meshes, output, studies, timeout, fresh, device)
+    if what == "fit":
+        return fits(
+            meshes, preset, repeats, device, timeout, cold, sizes if grow else None, as_json, markdown
+        )
     if meshes:
-        raise InputError(f"resfit bench {what} takes no meshes; only resfit bench ablation does.")
+        raise InputError(f"resfit bench {what} takes no meshes; only resfit bench fit and ablation do.")
     if what == "recovery":
         from resfit.eval.bench.recovery import run_recovery
 
@@ -53,6 +69,47 @@ def bench(
     from resfit.eval.bench.kernels import run_kernels
 
     return run_kernels(device=device, as_json=as_json, markdown=markdown)
+
+
+def fits(
+    meshes: tuple[str, ...],
+    preset: str,
+    repeats: int,
+    device: str,
+    timeout: float,
+    cold: bool,
+    sizes: str | None,
+    as_json: bool,
+    markdown: Path | None,
+) -> int:
+    """Time whole fits by stage; `sizes` is None where nothing is to grow. See `bench`."""
+    from resfit.cli.compare import say
+    from resfit.eval.bench.fit import run_fit_bench
+    from resfit.eval.bench.growth import read_sizes
+
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats} is out of range; it must be at least 1.")
+    if markdown is not None and not markdown.parent.is_dir():
+        raise InputError(f"--markdown {markdown}: there is no folder {markdown.parent}.")
+    try:
+        rows = run_fit_bench(
+            meshes,
+            preset=preset,
+            repeats=repeats,
+            device=device,
+            timeout=timeout or None,
+            cold=cold,
+            sizes=None if sizes is None else read_sizes(sizes),
+            as_json=as_json,
+            markdown=markdown,
+        )
+    except KeyboardInterrupt:
+        say("stopped.")
+        return STOPPED
+    failed = sum(row.status != "ok" for row in rows)
+    if failed:
+        say(f"{failed} of {len(rows)} fits failed; the table says why.")
+    return FAILED if failed else 0
 
 
 def ablation(
