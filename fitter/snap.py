@@ -16,7 +16,7 @@ import warp as wp
 
 from ..kernels.rows import SHAPES
 from ..target.target import Target
-from .canonical import canonical_changes
+from .canonical import canonical_changes, parameter_of, with_parameter
 from .config import FitConfig
 from .draft import FALLS, Change, Claim, Draft
 from .judge import Judge
@@ -176,7 +176,7 @@ def _canonical(draft: Draft) -> None:
             tried.add(parameter)
             parts = tuple(draft.ties.followers(index))
             claim = Claim("canonical", parts, parameter, _canonical_value(index, parameter, value))
-            draft.attempt(_one_change(index, name, parameter), claim)
+            draft.attempt(_one_change(index, name, parameter, value), claim)
 
 
 def _canonical_value(index: int, parameter: str, value: float) -> Callable[[np.ndarray], float]:
@@ -184,13 +184,18 @@ def _canonical_value(index: int, parameter: str, value: float) -> Callable[[np.n
     return lambda rows: float(rows[index, SHAPES]) if parameter == "square" else value
 
 
-def _one_change(index: int, name: str, parameter: str) -> Change:
-    """Make one parameter of one part canonical, whatever it is then."""
+def _one_change(index: int, name: str, parameter: str, value: float) -> Change:
+    """Make one parameter of one part canonical, however far a refinement has moved it since."""
 
     def change(rows: np.ndarray) -> np.ndarray:
-        for found, _, row in canonical_changes(rows[index], name):
-            if found == parameter:
+        for found, wanted, row in canonical_changes(rows[index], name):
+            if found == parameter and (wanted == value or parameter == "square"):
                 rows[index] = row
+                return rows
+        if parameter == "square":
+            rows[index, SHAPES : SHAPES + 2] = rows[index, SHAPES : SHAPES + 2].mean()
+        elif parameter_of(rows[index], name, parameter, value) != value:
+            rows[index] = with_parameter(rows[index], name, parameter, value)
         return rows
 
     return change

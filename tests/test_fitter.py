@@ -170,7 +170,7 @@ def test_unknown_preset():
 def test_a_preset_sets_what_is_not_given():
     """`FitConfig(preset=...)` is the preset, and a given option wins over it."""
     assert FitConfig(preset="fast") == preset_config("fast")
-    assert FitConfig(preset="fast").rounds == 2 and FitConfig(preset="fast", rounds=10).rounds == 10
+    assert FitConfig(preset="fast").rounds == 4 and FitConfig(preset="fast", rounds=10).rounds == 10
 
 
 def test_tolerance_stops(table, device):
