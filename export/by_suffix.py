@@ -20,13 +20,22 @@ def _write_mesh(assembly: Assembly, path: Path, **options: object) -> None:
     write_mesh(assembly, path, **options)  # type: ignore[arg-type]
 
 
+def _write_page(assembly: Assembly, path: Path, **_: object) -> None:
+    from .html import write_html
+
+    write_html(assembly, path)
+
+
 WRITERS: dict[str, Writer] = {
     ".glb": _write_mesh,
     ".obj": _write_mesh,
     ".ply": _write_mesh,
     ".stl": _write_mesh,
 }
-"""Suffix to writer; each loads its format's module when it is used."""
+"""Suffix to writer of a mesh; each loads its format's module when it is used."""
+
+PAGES: dict[str, Writer] = {".html": _write_page}
+"""The same for what holds the field itself, which knows no resolution."""
 
 
 def check_path(path: str | Path) -> Writer:
@@ -36,9 +45,10 @@ def check_path(path: str | Path) -> Writer:
         InputError: if no format has this suffix, or the folder is not there.
     """
     path = Path(path)
-    writer = WRITERS.get(path.suffix.lower())
+    known = WRITERS | PAGES
+    writer = known.get(path.suffix.lower())
     if writer is None:
-        raise InputError(f"cannot export to {path}: the name must end in one of {', '.join(WRITERS)}")
+        raise InputError(f"cannot export to {path}: the name must end in one of {', '.join(known)}")
     if not path.parent.is_dir():
         raise InputError(f"cannot write {path}: there is no folder {path.parent}")
     return writer
@@ -56,7 +66,7 @@ def export_assembly(
 
     Args:
         assembly: what to write; coordinates in the file are in the input mesh's own frame.
-        path: .glb, .obj, .ply or .stl.
+        path: .glb, .obj, .ply or .stl; or .html, a page that draws and edits the assembly itself.
         merged: one surface of the smooth union, or one closed surface a part; None is what suits the format.
         resolution: cells along the longest side, of the whole or of each part; None is what suits.
         device: `auto`, `cpu`, `cuda:0`.

@@ -1,0 +1,191 @@
+"""HTML: one self-contained page that draws the exact field of an assembly and edits its numbers, offline.
+
+The page's sources lie in `page/`; each family's GLSL comes from its own file. What is put in is text or JSON, never
+markup, and the page's own policy lets it send no request.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from resfit.errors import InputError
+
+from ..assembly.assembly import Assembly
+from ..assembly.atomic_write import write_bytes
+from ..assembly.document import FORMAT, VERSION
+from ..kernels.primitives import FAMILIES, Family
+
+if TYPE_CHECKING:
+    import trimesh
+
+SCRIPTS = ("model.js", "spheres.js", "render.js", "camera.js", "panel.js", "main.js")
+"""In the order in which they are read; each uses names of those before it."""
+
+MAX_PARTS = 1024
+"""Parts a page can draw: each ray keeps one bit a part."""
+
+MAX_FACES = 4000
+"""Faces of the mesh that is shown over the assembly: it is there for comparison, not for its detail."""
+
+
+def write_html(
+    assembly: Assembly,
+    path: str | Path,
+    *,
+    mesh: trimesh.Trimesh | None = None,
+    up: Literal["y", "z"] = "y",
+    title: str | None = None,
+) -> None:
+    """Write the page of an assembly, at once or not at all.
+
+    Args:
+        assembly: what to show and edit.
+        path: of the page.
+        mesh: the input, in its own frame, to be shown over the assembly.
+        up: what points up at first.
+        title: shown above the list of parts; the name of the file or of its folder unless given.
+
+    Raises:
+        InputError: if there are more than MAX_PARTS parts, or the file cannot be written.
+    """
+    path = Path(path)
+    folder = path.absolute().parent.name.removesuffix(".resfit")
+    name = folder if path.stem in ("viewer", "index") and folder else path.stem
+    write_bytes(path, page_text(assembly, mesh=mesh, up=up, title=title or name).encode())
+
+
+def page_text(
+    assembly: Assembly,
+    *,
+    mesh: trimesh.Trimesh | None = None,
+    up: Literal["y", "z"] = "y",
+    title: str = "assembly",
+) -> str:
+    """The page as text; see `write_html`."""
+    count = len(assembly.primitives)
+    if count > MAX_PARTS:
+        raise InputError(
+            f"a page shows at most {MAX_PARTS} parts; this assembly has {count}. Use --top {MAX_PARTS}."
+        )
+    names = sorted({primitive.family for primitive in assembly.primitives})
+    document = json.loads(assembly.to_json())
+    # Kept as text: a seed may have more digits than JavaScript's numbers.
+    provenance = json.dumps(document["provenance"], sort_keys=True)
+    data = {
+        "title": title,
+        "up": up,
+        "format": FORMAT,
+        "version": VERSION,
+        "transform": document["transform"],
+        "primitives": document["primitives"],
+        "provenance": provenance,
+        "families": {name: family_table(FAMILIES[name]) for name in names},
+        "shader": shader_text(names, count),
+        "mesh": None if mesh is None else mesh_table(mesh, assembly),
+    }
+    parts = {
+        "TITLE": html.escape(title),
+        "STYLE": source("style.css"),
+        "DATA": embedded(data),
+        "SCRIPT": "\n".join(source(name) for name in SCRIPTS),
+    }
+    # All at once, so that nothing that was put in is looked at again.
+    return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], source("page.html"))
+
+
+def source(name: str) -> str:
+    """A file of `page/`, which lies in this package."""
+    return files("resfit.export").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def embedded(data: Any) -> str:
+    """JSON that may stand in a script element: nothing in it can end that element, or begin a comment."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def family_table(family: Family) -> dict[str, Any]:
+    """What sliders need to know of a family; an open end of a range is None."""
+    return {
+        "glsl": family.glsl,
+        "approximate": family.approximate,
+        "parameters": [
+            {
+                "name": parameter.name,
+                "description": parameter.description,
+                "unit": parameter.unit,
+                "count": parameter.count,
+                "slider": list(parameter.slider),
+                "legal": [value if math.isfinite(value) else None for value in parameter.legal],
+            }
+            for parameter in family.parameters
+        ],
+    }
+
+
+def shader_text(names: list[str], part_count: int) -> str:
+    """The fragment shader: the families' own texts, the choice between them, and the tracer."""
+    cases = [f"  if (family == {index}) return sdf_{name}(p, s);" for index, name in enumerate(names)]
+    return "\n".join(
+        [
+            "#version 300 es",
+            "precision highp float;",
+            "precision highp int;",
+            "precision highp sampler2D;",
+            f"#define WORDS {max(1, -(-part_count // 32))}",
+            *(FAMILIES[name].glsl for name in names),
+            "float family_distance(int family, vec3 p, float s[8]) {",
+            *cases,
+            "  return 1e30;",
+            "}",
+            source("trace.glsl"),
+        ]
+    )
+
+
+def mesh_table(mesh: trimesh.Trimesh, assembly: Assembly) -> dict[str, Any] | None:
+    """A mesh of at most MAX_FACES faces in the normalised frame, as 16-bit numbers in base64; None if it has none."""
+    vertices, faces = simplified(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
+    if not len(faces):
+        return None
+    places = (vertices - np.asarray(assembly.transform.translation)) / assembly.transform.scale
+    low = places.min(axis=0)
+    size = np.maximum(places.max(axis=0) - low, 1e-9)
+    steps = np.round((places - low) / size * 65535.0).astype("<u2")
+    return {
+        "low": low.tolist(),
+        "size": size.tolist(),
+        "vertices": base64.b64encode(steps.tobytes()).decode(),
+        "faces": base64.b64encode(faces.astype("<u2").tobytes()).decode(),
+    }
+
+
+def simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most MAX_FACES faces (m, 3), and their vertices (n, 3): those in one cell of a grid become their mean."""
+    cells = 96
+    low = vertices.min(axis=0) if len(vertices) else np.zeros(3)
+    longest = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+    points, kept = vertices, faces
+    while len(kept) > MAX_FACES or len(points) > 65535:
+        index = np.floor((vertices - low) / max(longest, 1e-30) * cells).astype(np.int64)
+        _, group = np.unique(index, axis=0, return_inverse=True)
+        group = group.reshape(-1)
+        points = (
+            np.stack([np.bincount(group, column) for column in vertices.T], 1) / np.bincount(group)[:, None]
+        )
+        kept = group[faces]
+        distinct = (kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 0] != kept[:, 2])
+        _, first = np.unique(np.sort(kept[distinct], axis=1), axis=0, return_index=True)
+        kept = kept[distinct][np.sort(first)]
+        cells = int(cells * 0.8)
+    used, renumbered = np.unique(kept, return_inverse=True)
+    return points[used], renumbered.reshape(-1, 3)

@@ -1,0 +1,351 @@
+"""The page of an assembly: what is embedded in it, and what it does in a real headless Chromium with WebGL 2."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import trimesh
+from test_glsl import CHROMIUM_FLAGS, EVALUATE, encoded
+
+from resfit.assembly.assembly import Assembly
+from resfit.assembly.primitive import Pose, Primitive
+from resfit.assembly.transform import Transform
+from resfit.cli import main
+from resfit.errors import InputError
+from resfit.export.by_suffix import export_assembly
+from resfit.export.html import MAX_FACES, MAX_PARTS, page_text, simplified, write_html
+from resfit.kernels.camera import Camera
+from resfit.kernels.primitives import FAMILIES
+from resfit.kernels.raytrace import render_assembly
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+WIDTH, HEIGHT = 180, 140
+"""Size of the pictures that are compared: a software renderer takes a second for each."""
+
+HOSTILE = '</script><script>window.bad = 1</script><img src=x onerror="window.bad=1">{{DATA}}'
+
+
+def defaults(family: str, **values: Any) -> dict[str, Any]:
+    found = {}
+    for parameter in FAMILIES[family].parameters:
+        value = values.get(parameter.name, parameter.default)
+        found[parameter.name] = value if parameter.count > 1 or np.isscalar(value) else value[0]
+    return found
+
+
+def random_assembly(count: int, rng: np.random.Generator) -> Assembly:
+    """Parts of all families all over the place, bent and hollow ones too, with wide and narrow joins."""
+    parts = []
+    for index in range(count):
+        family = sorted(FAMILIES)[index % len(FAMILIES)]
+        low, high = FAMILIES[family].fit_range
+        shape = rng.uniform(low, high)
+        shape[:3] = rng.uniform(0.1, 0.7, 3)
+        values = {
+            entry.name: shape[FAMILIES[family].columns(entry.name)] for entry in FAMILIES[family].parameters
+        }
+        if "dilation" in values:
+            values["dilation"] = rng.uniform(0.0, 0.05, 1)
+        if "onion" in values:
+            values["onion"] = np.minimum(values["onion"], 0.5)
+        parameters = {
+            name: tuple(float(x) for x in value) if len(value) > 1 else float(value[0])
+            for name, value in values.items()
+        }
+        turn = rng.normal(size=4)
+        w, x, y, z = (turn / np.linalg.norm(turn)).tolist()
+        a, b, c = rng.uniform(-0.6, 0.6, 3).tolist()
+        blend = float(rng.choice([0.0, 0.03, 0.15]))
+        parts.append(Primitive(family, f"part {index}", Pose((a, b, c), (w, x, y, z)), parameters, blend))
+    return Assembly(tuple(parts), Transform(3.0, (1.0, 2.0, 3.0)))
+
+
+@pytest.fixture(scope="module")
+def lamp() -> Assembly:
+    with as_file(files("resfit.data") / "desk_lamp.json") as path:
+        return Assembly.load(path)
+
+
+def embedded_data(text: str) -> dict[str, Any]:
+    """What the page holds as JSON."""
+    found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    assert len(found) == 1
+    return json.loads(found[0])
+
+
+def test_page_is_small_and_asks_for_nothing(rng: np.random.Generator) -> None:
+    text = page_text(random_assembly(50, rng))
+    assert len(text.encode()) < 300_000
+    assert "{{" not in text
+    assert re.findall(r"(?:src|href)\s*=\s*[\"']|https?://|@import|url\(", text) == []
+
+
+def test_names_cannot_end_the_script(lamp: Assembly) -> None:
+    part = replace(lamp.primitives[0], name=HOSTILE[:128])
+    text = page_text(replace(lamp, primitives=(part,)), title=HOSTILE)
+    assert text.count("<script") == 2 and text.count("</script") == 2
+    data = embedded_data(text)
+    assert data["title"] == HOSTILE and data["primitives"][0]["name"] == HOSTILE[:128]
+    assert "<img" not in text
+
+
+def test_sliders_have_the_ranges_of_the_tables(rng: np.random.Generator) -> None:
+    families = embedded_data(page_text(random_assembly(8, rng)))["families"]
+    assert sorted(families) == sorted(FAMILIES)
+    for name, family in families.items():
+        for found, parameter in zip(family["parameters"], FAMILIES[name].parameters, strict=True):
+            assert (found["name"], found["unit"], found["count"]) == (
+                parameter.name,
+                parameter.unit,
+                parameter.count,
+            )
+            assert tuple(found["slider"]) == parameter.slider
+            assert [math.inf if value is None else value for value in found["legal"]] == list(parameter.legal)
+
+
+def test_overlay_is_decimated(lamp: Assembly) -> None:
+    sphere = trimesh.creation.icosphere(6)
+    vertices, faces = simplified(sphere.vertices, sphere.faces)
+    assert 800 < len(faces) <= MAX_FACES and faces.max() == len(vertices) - 1
+    np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 1.0, atol=0.05)
+    assert embedded_data(page_text(lamp, mesh=trimesh.Trimesh()))["mesh"] is None
+
+
+def test_written_by_suffix(lamp: Assembly, tmp_path: Path) -> None:
+    lamp.save(tmp_path / "assembly.json")
+    assert main(["export", str(tmp_path / "assembly.json"), str(tmp_path / "lamp.html")]) == 0
+    first = (tmp_path / "lamp.html").read_bytes()
+    export_assembly(lamp, tmp_path / "lamp.html")
+    assert (tmp_path / "lamp.html").read_bytes() == first
+    many = tuple(replace(lamp.primitives[0], name=str(index)) for index in range(MAX_PARTS + 1))
+    with pytest.raises(InputError, match="at most"):
+        export_assembly(Assembly(many), tmp_path / "many.html")
+    assert not (tmp_path / "many.html").exists()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="the playwright package is not installed")
+    with playwright.sync_playwright() as driver:
+        own = driver.chromium.executable_path
+        found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        executable = found or (own if Path(own).exists() else None)
+        if executable is None:
+            pytest.skip("no Chromium is installed (apt-get install chromium)")
+        browser = driver.chromium.launch(executable_path=executable, args=CHROMIUM_FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]:
+    """Opens the page of an assembly; afterwards nothing may have been logged or asked for."""
+    problems, pages = [], []
+
+    def open_page(assembly: Assembly, script: str = "", **options: Any) -> Page:
+        path = tmp_path / "page.html"
+        write_html(assembly, path, **options)
+        page = browser.new_page(viewport={"width": 310 + WIDTH, "height": HEIGHT})
+        pages.append(page)
+        # Warnings may be about the software renderer's speed.
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        if script:
+            page.add_init_script(script)
+        requests: list[str] = []
+        page.goto(path.as_uri())
+        assert requests == [path.as_uri()]
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert problems == []
+
+
+def seen(page: Page) -> np.ndarray:
+    """Index (HEIGHT, WIDTH) of the part at each pixel, -1 where there is none."""
+    return np.array(page.evaluate(f"viewer.renderer.pickAll({WIDTH}, {HEIGHT})")).reshape(HEIGHT, WIDTH)
+
+
+def rendered(page: Page, assembly: Assembly) -> np.ndarray:
+    """Where (HEIGHT, WIDTH) our own ray tracer sees the assembly by the page's camera."""
+    view = page.evaluate("({...viewer.camera.view(), target: viewer.camera.target})")
+    camera = Camera(tuple(view["eye"]), tuple(view["target"]), tuple(view["vertical"]))
+    colors = np.zeros((len(assembly.primitives), 3))
+    images = [
+        render_assembly(
+            made.on_device("cpu"),
+            colors[: len(made.primitives)],
+            camera,
+            WIDTH,
+            HEIGHT,
+            samples=1,
+            ground=False,
+        )
+        for made in (assembly, Assembly())
+    ]
+    return (images[0] != images[1]).any(axis=-1)
+
+
+def overlap(first: np.ndarray, second: np.ndarray) -> float:
+    return float((first & second).sum() / (first | second).sum())
+
+
+@pytest.mark.browser
+def test_silhouette_of_the_lamp(opened: Callable[..., Page], lamp: Assembly) -> None:
+    page = opened(lamp, up="z")
+    parts = seen(page)
+    assert overlap(parts >= 0, rendered(page, lamp)) >= 0.97
+    assert len(np.unique(parts)) >= 10
+
+
+@pytest.mark.browser
+def test_silhouette_of_all_families(opened: Callable[..., Page], rng: np.random.Generator) -> None:
+    # More than 32 parts: the bits of a ray take two words.
+    assembly = random_assembly(40, rng)
+    page = opened(assembly)
+    assert overlap(seen(page) >= 0, rendered(page, assembly)) >= 0.97
+
+
+@pytest.mark.browser
+def test_click_picks_the_part_below(opened: Callable[..., Page], lamp: Assembly) -> None:
+    page = opened(lamp, up="z")
+    # The picture is so small that the buttons would cover most of it.
+    page.add_style_tag(content="#bar { display: none }")
+    parts = seen(page)
+    for index in (0, int(parts[parts > 0].max())):
+        rows, columns = np.nonzero(parts == index)
+        middle = len(rows) // 2
+        page.mouse.click(float(columns[middle]) + 0.5, float(rows[middle]) + 0.5)
+        assert page.evaluate("viewer.model.selected") == index
+        assert page.locator("#parts .selected .name").inner_text() == lamp.primitives[index].name
+        assert page.locator("#fields h2 span").inner_text() == lamp.primitives[index].name
+    page.mouse.click(1, 1)
+    assert page.evaluate("viewer.model.selected") == -1
+
+
+MOVE = """([field, value]) => {
+  const slider = document.querySelector(`input[type=range][data-field="${field}"]`);
+  slider.value = value;
+  slider.dispatchEvent(new Event('input'));
+  slider.dispatchEvent(new Event('change'));
+}"""
+
+
+@pytest.mark.browser
+def test_slider_moves_the_surface_and_undo_brings_it_back(
+    opened: Callable[..., Page], lamp: Assembly
+) -> None:
+    page = opened(lamp, up="z")
+    before, text = seen(page), page.evaluate("viewer.json()")
+    page.evaluate("viewer.select(0)")
+    for field, value in (("size.0", 1.4), ("translation.2", -0.3), ("rotation.0", 40)):
+        page.evaluate(MOVE, [field, value])
+    changed = page.evaluate("viewer.json()")
+    assert (seen(page) != before).mean() > 0.02
+    for _ in range(3):
+        page.click("#undo")
+    assert page.evaluate("viewer.json()") == text
+    assert (seen(page) == before).all()
+    for _ in range(3):
+        page.click("#redo")
+    assert page.evaluate("viewer.json()") == changed
+
+
+@pytest.mark.browser
+def test_download_loads_with_the_same_field(
+    opened: Callable[..., Page], rng: np.random.Generator, tmp_path: Path
+) -> None:
+    assembly = random_assembly(12, rng)
+    page = opened(assembly)
+    points = rng.uniform(-2.0, 4.0, (500, 3))
+
+    def downloaded() -> Assembly:
+        with page.expect_download() as waiting:
+            page.click("#download")
+        assert waiting.value.suggested_filename == "assembly.json"
+        waiting.value.save_as(tmp_path / "assembly.json")
+        return Assembly.load(tmp_path / "assembly.json")
+
+    assert downloaded().to_json() == assembly.to_json()
+    page.evaluate("viewer.select(2)")
+    page.evaluate(MOVE, ["translation.0", 0.25])
+    page.evaluate(MOVE, ["blend", 0.1])
+    part = assembly.primitives[2]
+    pose = Pose((0.25, *part.pose.translation[1:]), part.pose.rotation)
+    primitives = (*assembly.primitives[:2], replace(part, pose=pose, blend=0.1), *assembly.primitives[3:])
+    expected = replace(assembly, primitives=primitives)
+    np.testing.assert_allclose(downloaded().sdf(points, "cpu"), expected.sdf(points, "cpu"), atol=1e-5)
+    source = page.evaluate("viewer.glsl()") + "float sdf_whole(vec3 p, float s[8]) { return map(p); }"
+    normalised = (points - np.array(assembly.transform.translation)) / assembly.transform.scale
+    padded = np.concatenate([normalised, np.zeros((500, 1))], axis=1)
+    result = page.evaluate(EVALUATE, [source, "whole", encoded(np.zeros((1, 8))), encoded(padded), 1, 500])
+    assert "error" not in result, result["error"]
+    values = np.array(result["values"]) * assembly.transform.scale
+    np.testing.assert_allclose(values, expected.sdf(points, "cpu"), atol=3e-4)
+
+
+@pytest.mark.browser
+def test_names_stay_text(opened: Callable[..., Page], lamp: Assembly) -> None:
+    part = replace(lamp.primitives[0], name=HOSTILE[:128])
+    page = opened(replace(lamp, primitives=(part, *lamp.primitives[1:])), title=HOSTILE)
+    page.evaluate("viewer.select(0)")
+    assert page.evaluate("window.bad") is None
+    assert page.locator("#parts .selected .name").text_content() == HOSTILE[:128]
+    assert page.locator("h1").text_content() == page.title() == HOSTILE
+    assert page.evaluate("JSON.parse(viewer.json()).primitives[0].name") == HOSTILE[:128]
+
+
+@pytest.mark.browser
+def test_hide_isolate_explode_and_overlay(opened: Callable[..., Page], lamp: Assembly) -> None:
+    page = opened(lamp, up="z", mesh=lamp.to_mesh(32))
+    before, text = seen(page), page.evaluate("viewer.json()")
+    page.locator("#parts li").nth(0).get_by_text("only").click()
+    assert set(np.unique(seen(page))) == {-1, 0}
+    page.locator("#parts li").nth(0).get_by_text("only").click()
+    page.locator("#parts li").nth(0).get_by_text("hide").click()
+    assert (seen(page)[before == 0] == 0).sum() < (before == 0).sum()
+    page.locator("#parts li").nth(0).get_by_text("show").click()
+    page.evaluate("viewer.model.explode = 0.5; viewer.refresh()")
+    assert ((seen(page) >= 0) != (before >= 0)).any()
+    page.evaluate("viewer.model.explode = 0; viewer.refresh()")
+    assert (seen(page) == before).all() and page.evaluate("viewer.json()") == text
+    page.evaluate("document.getElementById('mesh').click()")
+    # Not `wait_for_function`, which the page's policy forbids.
+    page.evaluate(
+        "new Promise(done => { (function wait() { viewer.renderer.resting ? done() : setTimeout(wait, 50); })(); })"
+    )
+    assert (
+        page.evaluate(
+            "viewer.camera.overlay && document.getElementById('canvas').getContext('webgl2').getError()"
+        )
+        == 0
+    )
+
+
+@pytest.mark.browser
+def test_without_webgl2_a_sentence(opened: Callable[..., Page], lamp: Assembly) -> None:
+    page = opened(lamp, script="HTMLCanvasElement.prototype.getContext = () => null;")
+    assert "WebGL 2" in page.locator("#sorry").inner_text()
+    assert page.evaluate("window.viewer") is None
+
+
+@pytest.mark.browser
+def test_empty_assembly(opened: Callable[..., Page]) -> None:
+    page = opened(Assembly())
+    assert (seen(page) == -1).all()
+    assert json.loads(page.evaluate("viewer.json()"))["primitives"] == []
