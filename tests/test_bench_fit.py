@@ -24,7 +24,7 @@ LOG = """{"event": "start", "elapsed_s": 0.0, "mesh": "a.stl"}
 {"event": "progress", "elapsed_s": 1.5, "stage": "grid"}
 resfit: compiling kernels for this machine (first run only, then cached)...
 {"event": "progress", "elapsed_s": 2.0, "stage": "samples"}
-{"event": "progress", "elapsed_s": 2.5, "stage": "decompose"}
+{"event": "progress", "elapsed_s": 2.75, "stage": "decompose"}
 {"event": "progress", "elapsed_s": 3.5, "stage": "decompose"}
 {"event": "writing", "elapsed_s": 5.0}
 {"event": "done", "elapsed_s": 6.0}
@@ -41,11 +41,13 @@ def test_stages_add_up_to_the_wall_time() -> None:
         "solid": 0.25,
         "grid": 0.5,
         "samples": 0.5,
+        "prepare": 0.25,
         "decompose": 2.0,
         "export": 0.25,
         "preview": 0.5,
         "write": 0.25,
-        "other": 1.25,
+        "exit": 1.0,
+        "other": 0.0,
         "novel": 0.25,
     }
     assert sum(stages.values()) == 7.0
@@ -126,7 +128,7 @@ def test_growth_is_measured_tabled_and_drawn(monkeypatch: pytest.MonkeyPatch) ->
     assert "| write | 0.000 | 0.000 |  |" in text and "![seconds by stage](a.svg)" in text
     drawn = ElementTree.fromstring(chart(grown))
     lines = [element for element in drawn.iter() if element.tag.endswith("polyline")]
-    assert len(lines) == 5 and all(re.fullmatch(r"[-\d., ]+", line.attrib["points"]) for line in lines)
+    assert len(lines) == 5 + 3 and all(re.fullmatch(r"[-\d., ]+", line.attrib["points"]) for line in lines)
     assert exponent([1, 10], [1.0, 100.0]) == pytest.approx(2.0)
     assert exponent([1], [1.0]) is None
 

@@ -29,6 +29,7 @@ STAGES = {
     "grid": "signed distances on the grid",
     "samples": "sample points and their distances",
     "split": "taking the mesh apart",
+    "prepare": "set-up of the rounds",
     "decompose": "regions of what is unexplained",
     "propose": "candidates fitted to regions",
     "select": "greedy choice",
@@ -43,7 +44,8 @@ STAGES = {
     "export": "parts.glb",
     "preview": "preview.png",
     "write": "the other files",
-    "other": "what no stage claims: targets of single parts, set-up of the rounds, the end of the process",
+    "exit": "the end of the process",
+    "other": "what no stage claims, such as targets of single parts",
 }
 """Stages in their order, and what they are."""
 
@@ -146,8 +148,12 @@ def stage_seconds(
     for name, start, end in zip(TARGET, starts, starts[1:], strict=False):
         stages[name] = end - start
     stages["samples"] = max(0.0, timings["target"] - (starts[-1] - starts[0]))
+    first = min((time for name, time in begin.items() if time > starts[-1]), default=starts[-1])
+    stages["prepare"] = max(0.0, first - starts[0] - timings["target"] - stages.get("split", 0.0))
     writing = begin["done"] - begin["writing"]
     stages["write"] = max(0.0, writing - stages.get("export", 0.0) - stages.get("preview", 0.0))
+    # Reading the mesh begins where the start ends; both clocks run on from there.
+    stages["exit"] = max(0.0, wall_s - timings["start"] - (begin["done"] - starts[0]))
     stages["other"] = wall_s - sum(stages.values())
     order = [*[name for name in STAGES if name in stages], *[name for name in stages if name not in STAGES]]
     return {name: round(stages[name], 4) for name in order}

@@ -40,7 +40,9 @@ USUAL_FACES = 16_384
 """Of the mesh where something else grows."""
 LEAST_SECONDS = 0.03
 """A stage that never takes this long has no exponent and no line in the chart: it would be noise."""
-LEGEND = 110.0
+SHORTEST = 0.1 * LEAST_SECONDS
+"""What took less is not counted for an exponent, and drawn at this height: the stage was skipped there."""
+LEGEND = 120.0
 """Room for the names of the stages, right of the panels, in pixels."""
 
 
@@ -149,7 +151,11 @@ def measure_growth(
 
 def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float | None:
     """p where the seconds grow as size^p, by least squares of the logarithms; None where that says nothing."""
-    pairs = [(math.log(size), math.log(each)) for size, each in zip(sizes, seconds, strict=True) if each > 0]
+    pairs = [
+        (math.log(size), math.log(each))
+        for size, each in zip(sizes, seconds, strict=True)
+        if each >= SHORTEST
+    ]
     if len(pairs) < 2 or max(seconds) < LEAST_SECONDS:
         return None
     across, down = np.array(pairs).T
@@ -212,8 +218,9 @@ def chart(grown: Mapping[str, Mapping[int, FitRow]]) -> str:
         body += _panel(GAP + index * (PANEL[0] + GAP), LABELS[axis], series)
     shown = {name for _, series in panels for name, _, _ in series}
     for line, name in enumerate(name for name in (*STAGES, "snap", "all") if name in shown):
-        y = TOP + 12.0 + 15.0 * line
-        body.append(_text(len(panels) * (PANEL[0] + GAP) + 14.0, y, name, "start", color_of(name)))
+        x, y = len(panels) * (PANEL[0] + GAP) + 14.0, TOP + 12.0 + 14.0 * line
+        body.append(_polyline([(x, y - 4.0), (x + 18.0, y - 4.0)], name))
+        body.append(_text(x + 24.0, y, name, "start", color_of(name)))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
         f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="Helvetica, Arial, sans-serif" font-size="12">\n'
@@ -228,10 +235,10 @@ def color_of(stage: str) -> str:
 
 def _panel(left: float, label: str, series: Sequence[tuple[str, list[int], list[float]]]) -> list[str]:
     right, top, bottom = left + PANEL[0], TOP, TOP + PANEL[1]
-    # A stage that took no time at one size has no place on a logarithmic scale: it starts at the bottom.
-    least = 0.1 * LEAST_SECONDS
     across = Scale.around([float(size) for _, sizes, _ in series for size in sizes], left, right, True)
-    down = Scale.around([max(value, least) for _, _, values in series for value in values], bottom, top, True)
+    down = Scale.around(
+        [max(value, SHORTEST) for _, _, values in series for value in values], bottom, top, True
+    )
     body = []
     for value in down.ticks():
         body.append(_line(left, down(value), right, down(value), LINE))
@@ -242,17 +249,24 @@ def _panel(left: float, label: str, series: Sequence[tuple[str, list[int], list[
     body += [_line(left, bottom, right, bottom, INK), _line(left, top, left, bottom, INK)]
     body.append(_text((left + right) / 2, bottom + 38, label, "middle"))
     for name, sizes, values in series:
-        places = [(across(size), down(max(value, least))) for size, value in zip(sizes, values, strict=True)]
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-        color, late = color_of(name), name in list(STAGES)[len(PALETTE) :]
-        # The palette has fewer colours than there are stages.
-        look = ' stroke-dasharray="4 3"' if late else ""
-        thick = 2.5 if name == "all" else 1.5
-        body.append(
-            f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="{thick}"{look}/>'
-        )
+        places = [
+            (across(size), down(max(value, SHORTEST))) for size, value in zip(sizes, values, strict=True)
+        ]
+        color = color_of(name)
+        body.append(_polyline(places, name))
         body += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{color}"/>' for x, y in places]
     return body
+
+
+def _polyline(places: Sequence[tuple[float, float]], stage: str) -> str:
+    """A line through places (x, y) in pixels, as this stage is drawn everywhere."""
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    # The palette has fewer colours than there are stages.
+    look = ' stroke-dasharray="4 3"' if stage in list(STAGES)[len(PALETTE) :] else ""
+    thick = 2.5 if stage == "all" else 1.5
+    return (
+        f'<polyline points="{points}" fill="none" stroke="{color_of(stage)}" stroke-width="{thick}"{look}/>'
+    )
 
 
 def _short(size: int) -> str:
