@@ -123,9 +123,9 @@ function makeRenderer(canvas, camera) {
     gl.bindVertexArray(lines.array);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-    gl.uniform4f(at.colour, 0.10, 0.18, 0.30, 0.07);
+    gl.uniform4f(at.colour, 0.10, 0.18, 0.30, 0.05);
     gl.drawElements(gl.TRIANGLES, lines.faceCount, gl.UNSIGNED_INT, 0);
-    gl.uniform4f(at.colour, 0.05, 0.10, 0.20, 0.22);
+    gl.uniform4f(at.colour, 0.05, 0.10, 0.20, 0.17);
     gl.drawElements(gl.LINES, lines.edgeCount, gl.UNSIGNED_INT, 4 * lines.faceCount);
     gl.disable(gl.BLEND);
     gl.bindVertexArray(null);

@@ -109,7 +109,9 @@ vec4 paint(vec3 p, out int owner) {
   for (int w = 0; w < WORDS; w++) {
     for (uint bits = wanted[w]; bits != 0u; bits &= bits - 1u) {
       int i = 32 * w + lowest_bit(bits);
-      vec4 place = entry(i, 0);
+      vec4 place = entry(i, 0), ball = entry(i, 4);
+      float low = entry(i, 7).y * (length(p - ball.xyz) - ball.w);
+      if (low > max(whole + place.w, 0.0)) continue;
       float f = part_distance(i, p, place.xyz).x;
       float old = clamp(0.5 + (f - whole) * 0.5 / max(place.w, 1e-12), 0.0, 1.0);
       if (owner < 0) old = 0.0;
@@ -206,7 +208,7 @@ vec3 lit(vec3 p, vec3 n, vec3 view, vec4 painted) {
   colour += vec3(0.11) * pow(max(dot(n, halfway), 0.0), 48.0) * light;
   colour += vec3(0.16) * edge * (0.3 + max(dot(n, rim), 0.0)) * open;
   // The selected part glows along its outline.
-  return mix(colour, vec3(1.0, 0.62, 0.12), painted.a * (0.10 + 0.75 * edge));
+  return mix(colour, vec3(1.0, 0.62, 0.12), painted.a * (0.12 + 0.8 * pow(1.0 - max(dot(n, view), 0.0), 2.5)));
 }
 
 vec3 displayed(vec3 x) {
