@@ -15,7 +15,7 @@ import trimesh
 import resfit.cli
 from resfit.assembly.assembly import Assembly
 
-FILES = ["assembly.json", "history.npz", "parts.glb", "preview.png", "report.json"]
+FILES = ["assembly.json", "history.npz", "parts.glb", "preview.png", "report.json", "viewer.html"]
 
 
 @pytest.fixture(scope="module")

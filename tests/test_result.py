@@ -22,7 +22,7 @@ from resfit.folder import OURS, check_folder, holds_fit
 from resfit.kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
 from resfit.result import FitResult
 
-WRITTEN = sorted(set(OURS) - {"viewer.html"})
+WRITTEN = sorted(OURS)
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +131,7 @@ def test_earlier_fit_is_replaced_and_other_files_stay(result: FitResult, tmp_pat
     result.save(folder)
     assert sorted(path.name for path in folder.iterdir()) == sorted([*WRITTEN, "notes.txt"])
     assert resfit.Assembly.load(folder / "assembly.json") == result.assembly
+    assert "of the earlier fit" not in (folder / "viewer.html").read_text(encoding="utf-8")
 
 
 def test_folders_of_others_are_left_alone(result: FitResult, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from resfit.assembly.history import History
 from resfit.clock import Clock, peak_mb
 from resfit.eval.metrics import Deviation
 from resfit.export.by_suffix import export_assembly
+from resfit.export.html import MAX_PARTS, write_html
 from resfit.fitter.outcome import Status
 from resfit.folder import REPORT, REPORT_FORMAT, filling
 from resfit.kernels.camera import frame_bounds
@@ -38,7 +39,7 @@ CLOSED_KINDS = ("closed", "flipped", "reoriented", "union")
 """Kinds of solids whose inside the mesh itself tells: IoU is a headline for these only."""
 
 Z_UP_SUFFIXES = (".stl", ".3mf", ".off", ".step", ".stp")
-"""Formats of CAD, where z points up; in glTF and most others it is y. Only the preview depends on it."""
+"""Formats of CAD, where z points up; in glTF and most others it is y. Only pictures depend on it."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class FitResult:
     """The best assembly of each number of parts, if that was asked for."""
 
     def save(self, directory: str | Path) -> Path:
-        """Write assembly.json, parts.glb, preview.png, history.npz and report.json.
+        """Write assembly.json, parts.glb, preview.png, viewer.html, history.npz and report.json.
 
         The folder is filled at once or not at all. One that exists is used if it is empty or holds an earlier fit,
         whose files are replaced.
@@ -115,6 +116,10 @@ class FitResult:
                 export_assembly(self.assembly, temporary / "parts.glb", device=self.device)
             with timed(timings, "preview"):
                 (temporary / "preview.png").write_bytes(png_bytes(self.preview()))
+            with timed(timings, "viewer"):
+                if len(self.assembly.primitives) <= MAX_PARTS:
+                    page = temporary / "viewer.html"
+                    write_html(self.assembly, page, up=self.up, title=self.input.name)
             metrics = self.metrics | {
                 "cpu_s": self.metrics["cpu_s"] + clock.cpu_s,
                 "wall_s": self.metrics["wall_s"] + clock.wall_s,
@@ -123,6 +128,11 @@ class FitResult:
             text = json.dumps(self.report(metrics, timings), indent=2, allow_nan=False)
             write_bytes(temporary / REPORT, f"{text}\n".encode())
         return folder
+
+    @property
+    def up(self) -> Literal["y", "z"]:
+        """The axis that points up in pictures, by the input's format."""
+        return "z" if self.input.name.lower().endswith(Z_UP_SUFFIXES) else "y"
 
     def report(self, metrics: Mapping[str, float], timings: Mapping[str, float]) -> dict[str, Any]:
         """The content of report.json, JSON values."""
@@ -162,13 +172,12 @@ class FitResult:
         device = choose_device(self.device)
         target, primitives = self.target, self.assembly.on_device(self.device)
         width, height = PANEL
-        up = "z" if self.input.name.lower().endswith(Z_UP_SUFFIXES) else "y"
         lower, upper = target.lower, target.upper
         if len(primitives):
             # What sticks out of the input must be seen, but one part gone astray may not make all else small.
             found = np.clip(tight_bounds(primitives), -1.0, 1.0)
             lower, upper = np.minimum(lower, found[0]), np.maximum(upper, found[1])
-        camera = frame_bounds(lower, upper, up=up, aspect=width / height)
+        camera = frame_bounds(lower, upper, up=self.up, aspect=width / height)
         colors = np.array([rgb(part.color) for part in self.assembly.primitives]).reshape(-1, 3)
         left = render_mesh(target.vertices, target.faces, camera, width, height, device=device)
         return np.concatenate([left, render_assembly(primitives, colors, camera, width, height)], axis=1)
