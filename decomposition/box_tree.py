@@ -1,8 +1,7 @@
 """A tree of boxes: a solid cut where the boxes around the pieces shrink most, and each piece again.
 
 What is left between a piece and its box says how far it is from being one primitive; the tree offers the pieces of
-every size, from halves down to blocks, for selection to choose among. An approximate convex decomposition in the same
-spirit costs a thousand times as much.
+every size, from halves down to blocks, for selection to choose among.
 """
 
 from __future__ import annotations

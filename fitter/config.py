@@ -153,7 +153,7 @@ class FitConfig:
     decompose: Literal["msd", "coacd"] = "msd"
     """How the residual is cut: morphologically, or into convex pieces for comparison."""
     optimizer: Literal["levenberg", "adam"] = "levenberg"
-    """"adam" is the paper's way: one seed a region and first-order steps; far slower."""
+    """"adam" is the paper's way: one seed a region and first-order steps."""
     adam: AdamConfig = AdamConfig()
     max_primitives: int = 64
     target_iou: float = 1.0

@@ -100,8 +100,8 @@ class Fit(Workbench):
     def run_tracks(self) -> Status:
         """Tracks one after the other, each until it saturates; then what they found is put together.
 
-        A greedy search ends where its beginning leads it. A second beginning, from nothing and at the full price, ends
-        elsewhere; the candidates of all serve all, so that it costs little.
+        A greedy search ends where its beginning leads it. A second beginning, from nothing and with slabs too, ends
+        elsewhere; the candidates of all serve all.
         """
         number, started = 0, bool(len(self.rows))
         ends: list[np.ndarray] = []
