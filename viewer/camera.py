@@ -1,0 +1,77 @@
+"""The camera of the viewer: it orbits a point, as that of the page does, and knows no window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ..kernels.camera import UP_AXES, Camera, frame_bounds
+from .poses import to_vector
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+AZIMUTH, ELEVATION = 35.0, 22.0
+"""Degrees: from three quarters, a little above; as in previews and on pages."""
+
+STEEPEST = 88.0
+"""Degrees; straight from above there is no telling where up is."""
+
+NEAREST, FARTHEST = 0.05, 400.0
+"""Distances that can be zoomed to, scene units."""
+
+
+@dataclass
+class OrbitCamera:
+    """Angles, distance and the point that is looked at, in the scene's frame."""
+
+    up: Literal["y", "z"] = "y"
+    azimuth: float = AZIMUTH
+    elevation: float = ELEVATION
+    distance: float = 4.0
+    target: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    field_of_view: float = 30.0
+    """Vertical, degrees."""
+
+    def view(self) -> Camera:
+        """The same as a camera of the ray tracer."""
+        turn, lift = math.radians(self.azimuth), math.radians(self.elevation)
+        side, front, top = math.cos(lift) * math.sin(turn), math.cos(lift) * math.cos(turn), math.sin(lift)
+        towards = np.array([side, top, front] if self.up == "y" else [side, -front, top])
+        place = self.target + self.distance * towards
+        return Camera(to_vector(place), to_vector(self.target), UP_AXES[self.up], self.field_of_view)
+
+    def frame(self, lower: np.ndarray, upper: np.ndarray, aspect: float) -> None:
+        """See all of a box with corners (3,) each, in a picture `aspect` times as wide as high."""
+        camera = frame_bounds(
+            lower, upper, self.up, self.azimuth, self.elevation, max(aspect, 0.1), self.field_of_view
+        )
+        self.target = np.asarray(camera.target)
+        self.distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+
+    def orbit(self, across: float, up: float) -> None:
+        """Go around the target; pixels that the pointer moved to the right and upwards."""
+        self.azimuth -= 0.4 * across
+        self.elevation = max(-STEEPEST, min(STEEPEST, self.elevation - 0.4 * up))
+
+    def pan(self, across: float, up: float, height: int) -> None:
+        """Shift the picture by pixels to the right and upwards; it is `height` pixels high."""
+        right, upward, _ = self.view().axes
+        size = 2.0 * math.tan(math.radians(0.5 * self.field_of_view)) * self.distance / max(height, 1)
+        self.target = self.target - size * (across * right + up * upward)
+
+    def zoom(self, factor: float) -> None:
+        """Change the distance by a factor."""
+        self.distance = max(NEAREST, min(FARTHEST, self.distance * factor))
+
+    def apply(self, renderer: pv.Renderer) -> None:
+        """Make a renderer's camera this one."""
+        view, camera = self.view(), renderer.GetActiveCamera()
+        camera.SetPosition(*view.position)
+        camera.SetFocalPoint(*view.target)
+        camera.SetViewUp(*to_vector(view.axes[1]))
+        camera.SetViewAngle(self.field_of_view)
+        renderer.ResetCameraClippingRange()

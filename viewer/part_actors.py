@@ -1,0 +1,196 @@
+"""The parts of a scene as actors: one mesh each, made anew only where a shape changed; or the smooth union."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..assembly.primitive import Primitive
+from .edits import PartRef
+from .live_surface import (
+    LIVE_CELLS,
+    LIVE_UNION_CELLS,
+    PART_CELLS,
+    UNION_CELLS,
+    PartSurfaces,
+    joined_surface,
+    shape_key,
+)
+from .poses import pose_matrix
+from .stage import INK, Plotter, to_edges, to_poly
+from .view import Arrangement, Placed, View
+
+ACCENT = "#e0780a"
+"""Edges of the part that is selected."""
+
+AMBIENT = 0.3
+BESIDE_RESIDUAL = 0.14
+"""Opacity of the parts while what is left over is shown."""
+
+
+@dataclass
+class PartActor:
+    """What is drawn of one part."""
+
+    poly: Any
+    lines: Any
+    body: Any
+    edges: Any
+    shape: Hashable = None
+
+
+@dataclass
+class JoinedActor:
+    """What is drawn of one assembly as a whole."""
+
+    poly: Any
+    body: Any
+    key: Any = None
+    owners: np.ndarray | None = None
+    names: tuple[str, ...] = ()
+
+
+class PartActors:
+    """All parts of all assemblies.
+
+    Attributes:
+        surfaces: where their meshes come from.
+    """
+
+    def __init__(self, plotter: Plotter, device: str = "auto") -> None:
+        """Draw into a plotter, with surfaces from `device`."""
+        self.plotter = plotter
+        self.surfaces = PartSurfaces(device)
+        self.parts: dict[PartRef, PartActor] = {}
+        self.joined: dict[int, JoinedActor] = {}
+
+    def sync(self, arrangement: Arrangement, view: View, selected: PartRef | None, live: bool) -> None:
+        """Draw what is there now.
+
+        Args:
+            arrangement: assemblies in their places.
+            view: how to draw.
+            selected: the part to mark.
+            live: whether something is being dragged: new surfaces are coarse then.
+        """
+        present: set[PartRef] = set()
+        for placed in arrangement.placed:
+            self._sync_joined(placed, view, live)
+            for part in placed.assembly.primitives:
+                ref = PartRef(placed.item, part.name)
+                present.add(ref)
+                # In a union only the selected part is marked, by its edges.
+                if not view.joined or ref == selected:
+                    self._sync_part(ref, part, placed.matrix, view, ref == selected, live)
+                elif ref in self.parts:
+                    self._show(self.parts[ref], False, False)
+        for ref in set(self.parts) - present:
+            gone = self.parts.pop(ref)
+            self.plotter.remove_actor([gone.body, gone.edges], render=False)
+
+    def at(self, actor: Any, cell: int) -> PartRef | None:
+        """The part that an actor's cell belongs to."""
+        for ref, part in self.parts.items():
+            if part.body is actor:
+                return ref
+        for item, joined in self.joined.items():
+            if joined.body is actor and joined.owners is not None and 0 <= cell < len(joined.owners):
+                return PartRef(item, joined.names[joined.owners[cell]])
+        return None
+
+    @property
+    def bodies(self) -> list[Any]:
+        """Everything that can be picked, and is cut by sections."""
+        shown = [part.body for part in self.parts.values()]
+        return [*shown, *(joined.body for joined in self.joined.values())]
+
+    def of_item(self, item: int) -> list[Any]:
+        """All actors of one assembly."""
+        actors = [
+            actor for ref, part in self.parts.items() if ref.item == item for actor in (part.body, part.edges)
+        ]
+        return [*actors, self.joined[item].body] if item in self.joined else actors
+
+    def _sync_part(
+        self, ref: PartRef, part: Primitive, matrix: np.ndarray, view: View, selected: bool, live: bool
+    ) -> None:
+        cells = LIVE_CELLS if live and not self.surfaces.has(part, PART_CELLS) else PART_CELLS
+        shape = shape_key(part, cells)
+        if ref not in self.parts:
+            self.parts[ref] = self._make_part()
+        drawn = self.parts[ref]
+        if drawn.shape != shape:
+            surface = self.surfaces.surface(part, cells)
+            drawn.poly.copy_from(to_poly(surface))
+            drawn.lines.copy_from(to_edges(surface))
+            drawn.shape = shape
+        placed = matrix @ pose_matrix(part.pose)
+        drawn.body.user_matrix = placed
+        drawn.edges.user_matrix = placed
+        drawn.body.prop.color = part.color
+        drawn.body.prop.style = "wireframe" if view.wireframe else "surface"
+        drawn.body.prop.ambient = 0.5 if selected else AMBIENT
+        # What is left over lies inside parts as well as outside.
+        drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual and not selected else 1.0
+        drawn.edges.prop.color = ACCENT if selected else INK
+        drawn.edges.prop.line_width = 3.0 if selected else 1.2
+        self._show(
+            drawn, not view.joined, (view.edges and not view.wireframe and not view.joined) or selected
+        )
+
+    def _sync_joined(self, placed: Placed, view: View, live: bool) -> None:
+        if not view.joined:
+            if placed.item in self.joined:
+                self.joined[placed.item].body.visibility = False
+            return
+        if placed.item not in self.joined:
+            poly, body = self._actor()
+            body.mapper.SetColorModeToDirectScalars()
+            self.joined[placed.item] = JoinedActor(poly, body)
+        drawn = self.joined[placed.item]
+        fine = drawn.key == (placed.assembly, UNION_CELLS)
+        key = placed.assembly, LIVE_UNION_CELLS if live and not fine else UNION_CELLS
+        if drawn.key != key:
+            surface = joined_surface(*key, self.surfaces.device)
+            poly = to_poly((surface.vertices, surface.faces), colors=surface.colors)
+            if poly.n_points:
+                poly.set_active_scalars("colors")
+            drawn.poly.copy_from(poly)
+            drawn.body.mapper.scalar_visibility = True
+            drawn.key, drawn.owners = key, surface.owners
+            drawn.names = tuple(part.name for part in placed.assembly.primitives)
+        drawn.body.user_matrix = placed.matrix
+        drawn.body.prop.style = "wireframe" if view.wireframe else "surface"
+        drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual else 1.0
+        drawn.body.visibility = not view.error
+
+    def _make_part(self) -> PartActor:
+        poly, body = self._actor()
+        lines, edges = self._actor()
+        edges.pickable = False
+        edges.prop.lighting = False
+        # Lines lie in the surface: pull them towards the eye.
+        edges.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        edges.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-1.0, -60.0)
+        return PartActor(poly, lines, body, edges)
+
+    def _actor(self) -> tuple[Any, Any]:
+        import pyvista as pv
+
+        poly = pv.PolyData()
+        mapper = pv.DataSetMapper(dataset=poly)
+        mapper.scalar_visibility = False
+        actor = pv.Actor(mapper=mapper)
+        actor.prop.interpolation = "Phong"
+        actor.prop.ambient, actor.prop.diffuse = AMBIENT, 0.84
+        actor.prop.specular, actor.prop.specular_power = 0.12, 24.0
+        self.plotter.add_actor(actor, reset_camera=False, render=False)
+        return poly, actor
+
+    @staticmethod
+    def _show(drawn: PartActor, body: bool, edges: bool) -> None:
+        drawn.body.visibility = body
+        drawn.edges.visibility = edges

@@ -1,0 +1,109 @@
+"""Can this machine draw? Asked in a child process, because VTK without OpenGL or X crashes and does not raise."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+
+from resfit.errors import ResfitError
+
+SECONDS = 60.0
+"""Starting VTK on software OpenGL takes up to 20 s on a slow machine."""
+
+PACKAGES = "libx11-6 libegl1 libgl1"
+"""Debian's and Ubuntu's names of what VTK needs and minimal systems lack."""
+
+FIX = f"on Linux install {PACKAGES} (as Debian calls them), or use --web"
+
+OFF_SCREEN_VARIABLE, OFF_SCREEN_CLASS = "VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow"
+"""Without an X server VTK's default window falls back to EGL with warnings, and without libX11 it crashes."""
+
+CODE = """
+import pyvista
+plotter = pyvista.Plotter(off_screen={off_screen}, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere())
+image = plotter.screenshot(return_img=True)
+assert image.std() > 1.0, "the picture is empty"
+print("VTK", ".".join(map(str, pyvista.vtk_version_info)))
+"""
+
+
+class DisplayError(ResfitError):
+    """This machine cannot show or draw pictures: the message says what to install."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What a one-frame render said."""
+
+    works: bool
+    detail: str
+    """VTK's version, or what went wrong."""
+
+
+def has_display() -> bool:
+    """Whether a window could be opened here at all."""
+    if not sys.platform.startswith("linux"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def render_environment(off_screen: bool) -> dict[str, str]:
+    """Variables to set before VTK is loaded; those that the user has set stay."""
+    headless = off_screen and sys.platform.startswith("linux") and not has_display()
+    return (
+        {OFF_SCREEN_VARIABLE: OFF_SCREEN_CLASS} if headless and OFF_SCREEN_VARIABLE not in os.environ else {}
+    )
+
+
+def start_probe(off_screen: bool = True) -> subprocess.Popen[str]:
+    """Begin to render one frame in another process; `finish_probe` has the answer."""
+    return subprocess.Popen(
+        [sys.executable, "-c", CODE.format(off_screen=off_screen)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        env={**os.environ, **render_environment(off_screen)},
+    )
+
+
+def finish_probe(process: subprocess.Popen[str], seconds: float = SECONDS) -> Probe:
+    """Wait for the answer of `start_probe`; never raises."""
+    try:
+        output, complaints = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return Probe(False, f"no answer within {seconds:g} s")
+    if process.returncode < 0:
+        return Probe(False, f"the process crashed (signal {-process.returncode})")
+    if process.returncode:
+        lines = [line for line in complaints.splitlines() if "Error: " in line] or ["it failed"]
+        return Probe(False, lines[-1].partition("Error: ")[2] or lines[-1])
+    return Probe(True, (output.splitlines() or ["VTK"])[-1])
+
+
+def probe_rendering(off_screen: bool = True) -> Probe:
+    """Render one frame in another process: half a second to a few."""
+    return finish_probe(start_probe(off_screen))
+
+
+def require(probe: Probe) -> None:
+    """Refuse to go on where nothing can be drawn.
+
+    Raises:
+        DisplayError: one sentence with what to install.
+    """
+    if not probe.works:
+        raise DisplayError(f"VTK cannot draw on this machine ({probe.detail}): {FIX}.")
+
+
+def prepare(off_screen: bool) -> None:
+    """Set what VTK reads from the environment; call before pyvista is imported for the first time."""
+    os.environ.update(render_environment(off_screen))

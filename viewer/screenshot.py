@@ -1,0 +1,86 @@
+"""Pictures without a window."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from resfit.errors import InputError
+
+from ..assembly.atomic_write import replacing
+from .camera import OrbitCamera
+from .comparison import Comparison
+from .edits import EditSession
+from .scene import Scene
+from .stage import Plotter, make_plotter, smooth
+from .view import View
+
+MAX_SIDE = 8192
+"""Pixels: more than graphics drivers promise."""
+
+FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+
+
+def check_picture(path: Path, size: tuple[int, int]) -> None:
+    """Refuse a picture that cannot be written, before any work is done for it.
+
+    Raises:
+        InputError: if its suffix is no picture's, its folder is not there, or its size makes no sense.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"cannot write '{path}': the name of a picture must end in one of {', '.join(FORMATS)}."
+        )
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"cannot write '{path}': there is no folder '{path.parent}'.")
+    if not all(16 <= side <= MAX_SIDE for side in size):
+        raise InputError(f"--size {size[0]}x{size[1]} is out of range; sides must lie in [16, {MAX_SIDE}].")
+
+
+def render_picture(
+    session: EditSession,
+    comparisons: Sequence[Comparison | None] = (),
+    view: View | None = None,
+    camera: OrbitCamera | None = None,
+    size: tuple[int, int] = (1280, 800),
+    device: str = "auto",
+) -> np.ndarray:
+    """Draw a scene off-screen.
+
+    Args:
+        session, comparisons, view, device: as for `Scene`.
+        camera: its angles; distance and target are set so that everything is seen.
+        size: width and height, pixels.
+
+    Returns:
+        (height, width, 3) uint8, sRGB, row 0 on top.
+    """
+    plotter = make_plotter(size, off_screen=True)
+    try:
+        Scene(plotter, session, comparisons, view, camera, device)
+        return grab(plotter)
+    finally:
+        plotter.close()
+
+
+def grab(plotter: Plotter) -> np.ndarray:
+    """What a plotter shows, edges smoothed: (height, width, 3) uint8, sRGB, row 0 on top."""
+    smooth(plotter, True)
+    try:
+        return np.array(plotter.screenshot(return_img=True))[:, :, :3]
+    finally:
+        smooth(plotter, False)
+
+
+def write_picture(image: np.ndarray, path: Path) -> None:
+    """Write a picture (height, width, 3) uint8 in the format of its suffix, at once or not at all.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    from PIL import Image
+
+    with replacing(path) as temporary:
+        Image.fromarray(image).save(temporary)
