@@ -6,16 +6,14 @@ markup, and the page's own policy lets it send no request.
 
 from __future__ import annotations
 
-import base64
 import html
 import json
 import math
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
+from typing import Any, Literal
 
 from resfit.errors import InputError
 
@@ -23,27 +21,26 @@ from ..assembly.assembly import Assembly
 from ..assembly.atomic_write import write_bytes
 from ..assembly.document import FORMAT, VERSION
 from ..kernels.primitives import FAMILIES, Family
+from .overlay import Surface, mesh_table
 
-if TYPE_CHECKING:
-    import trimesh
-
-SCRIPTS = ("model.js", "spheres.js", "render.js", "camera.js", "panel.js", "main.js")
+SCRIPTS = (
+    "model.js", "spheres.js", "glsl.js", "overlay.js", "render.js", "camera.js", "fields.js", "panel.js", "keys.js",
+    "main.js",
+)  # fmt: skip
 """In the order in which they are read; each uses names of those before it."""
 
 MAX_PARTS = 1024
 """Parts a page can draw: each ray keeps one bit a part."""
-
-MAX_FACES = 4000
-"""Faces of the mesh that is shown over the assembly: it is there for comparison, not for its detail."""
 
 
 def write_html(
     assembly: Assembly,
     path: str | Path,
     *,
-    mesh: trimesh.Trimesh | None = None,
+    mesh: Surface | None = None,
     up: Literal["y", "z"] = "y",
     title: str | None = None,
+    facts: Sequence[str] = (),
 ) -> None:
     """Write the page of an assembly, at once or not at all.
 
@@ -53,6 +50,7 @@ def write_html(
         mesh: the input, in its own frame, to be shown over the assembly.
         up: what points up at first.
         title: shown above the list of parts; the name of the file or of its folder unless given.
+        facts: sentences about where the assembly came from, shown below the title.
 
     Raises:
         InputError: if there are more than MAX_PARTS parts, or the file cannot be written.
@@ -60,15 +58,17 @@ def write_html(
     path = Path(path)
     folder = path.absolute().parent.name.removesuffix(".resfit")
     name = folder if path.stem in ("viewer", "index") and folder else path.stem
-    write_bytes(path, page_text(assembly, mesh=mesh, up=up, title=title or name).encode())
+    text = page_text(assembly, mesh=mesh, up=up, title=title or name, facts=facts)
+    write_bytes(path, text.encode())
 
 
 def page_text(
     assembly: Assembly,
     *,
-    mesh: trimesh.Trimesh | None = None,
+    mesh: Surface | None = None,
     up: Literal["y", "z"] = "y",
     title: str = "assembly",
+    facts: Sequence[str] = (),
 ) -> str:
     """The page as text; see `write_html`."""
     count = len(assembly.primitives)
@@ -82,6 +82,8 @@ def page_text(
     provenance = json.dumps(document["provenance"], sort_keys=True)
     data = {
         "title": title,
+        "facts": list(facts),
+        "most": MAX_PARTS,
         "up": up,
         "format": FORMAT,
         "version": VERSION,
@@ -150,42 +152,3 @@ def shader_text(names: list[str], part_count: int) -> str:
             source("trace.glsl"),
         ]
     )
-
-
-def mesh_table(mesh: trimesh.Trimesh, assembly: Assembly) -> dict[str, Any] | None:
-    """A mesh of at most MAX_FACES faces in the normalised frame, as 16-bit numbers in base64; None if it has none."""
-    vertices, faces = simplified(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
-    if not len(faces):
-        return None
-    places = (vertices - np.asarray(assembly.transform.translation)) / assembly.transform.scale
-    low = places.min(axis=0)
-    size = np.maximum(places.max(axis=0) - low, 1e-9)
-    steps = np.round((places - low) / size * 65535.0).astype("<u2")
-    return {
-        "low": low.tolist(),
-        "size": size.tolist(),
-        "vertices": base64.b64encode(steps.tobytes()).decode(),
-        "faces": base64.b64encode(faces.astype("<u2").tobytes()).decode(),
-    }
-
-
-def simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most MAX_FACES faces (m, 3), and their vertices (n, 3): those in one cell of a grid become their mean."""
-    cells = 96
-    low = vertices.min(axis=0) if len(vertices) else np.zeros(3)
-    longest = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
-    points, kept = vertices, faces
-    while len(kept) > MAX_FACES or len(points) > 65535:
-        index = np.floor((vertices - low) / max(longest, 1e-30) * cells).astype(np.int64)
-        _, group = np.unique(index, axis=0, return_inverse=True)
-        group = group.reshape(-1)
-        points = (
-            np.stack([np.bincount(group, column) for column in vertices.T], 1) / np.bincount(group)[:, None]
-        )
-        kept = group[faces]
-        distinct = (kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 0] != kept[:, 2])
-        _, first = np.unique(np.sort(kept[distinct], axis=1), axis=0, return_index=True)
-        kept = kept[distinct][np.sort(first)]
-        cells = int(cells * 0.8)
-    used, renumbered = np.unique(kept, return_inverse=True)
-    return points[used], renumbered.reshape(-1, 3)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import SHAPE, SHAPES, empty_rows
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.browser
 
@@ -27,18 +25,6 @@ POINTS = 112
 """Points a shape is tried at."""
 TOLERANCE = 1e-4
 """Largest difference, relative to the shape's extent where that is above 1. Float32 rounding is 1e-6."""
-
-CHROMIUM_FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
 
 EVALUATE = """
 ([source, name, shapes, points, shapeCount, pointCount]) => {
@@ -98,18 +84,11 @@ EVALUATE = """
 
 
 @pytest.fixture(scope="module")
-def page() -> Iterator[Page]:
+def page(browser: Browser) -> Iterator[Page]:
     """One blank page for all families."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="the playwright package is not installed")
-    with playwright.sync_playwright() as driver:
-        own = driver.chromium.executable_path
-        found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-        executable = found or (own if Path(own).exists() else None)
-        if executable is None:
-            pytest.skip("no Chromium is installed (apt-get install chromium)")
-        browser = driver.chromium.launch(executable_path=executable, args=CHROMIUM_FLAGS)
-        yield browser.new_page()
-        browser.close()
+    made = browser.new_page()
+    yield made
+    made.close()
 
 
 def encoded(values: np.ndarray) -> str:

@@ -8,7 +8,7 @@ const unit = a => a.map(value => value / (Math.hypot(...a) || 1));
 
 const camera = {
   up: DATA.up, azimuth: 35, elevation: 22, distance: 4, target: [0, 0, 0], fieldOfView: 30,
-  ground: [0, -1, 0, 3], overlay: false,
+  ground: [0, -1, 0, 3], overlay: 'off',
 
   view() {
     const turn = this.azimuth * Math.PI / 180, lift = this.elevation * Math.PI / 180;
@@ -61,19 +61,22 @@ const camera = {
 // One pointer orbits, or pans with the right button or Shift; two pan and pinch; a click that does not move picks.
 function followPointers(canvas, changed, picked) {
   const held = new Map();
-  let travelled = 0;
+  let travelled = 0, fingers = 0;
+  // A finger that taps slides a little.
+  const still = event => travelled < (event.pointerType === 'touch' ? 10 : 4);
   canvas.addEventListener('contextmenu', event => event.preventDefault());
   canvas.addEventListener('pointerdown', event => {
     canvas.setPointerCapture(event.pointerId);
-    if (!held.size) travelled = 0;
+    if (!held.size) travelled = fingers = 0;
     held.set(event.pointerId, [event.clientX, event.clientY]);
+    fingers = Math.max(fingers, held.size);
   });
   canvas.addEventListener('pointermove', event => {
     const before = held.get(event.pointerId);
     if (!before) return;
     const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
     travelled += Math.abs(dx) + Math.abs(dy);
-    if (travelled < 4) return;
+    if (still(event)) return;
     if (held.size === 2) {
       const other = [...held].find(([id]) => id !== event.pointerId)[1];
       const apart = place => Math.hypot(place[0] - other[0], place[1] - other[1]);
@@ -85,7 +88,8 @@ function followPointers(canvas, changed, picked) {
     changed();
   });
   const release = event => {
-    if (held.delete(event.pointerId) && event.type === 'pointerup' && travelled < 4 && !held.size && event.button === 0) {
+    if (!held.delete(event.pointerId) || event.type !== 'pointerup') return;
+    if (still(event) && fingers === 1 && event.button === 0) {
       const box = canvas.getBoundingClientRect();
       picked(event.clientX - box.left, event.clientY - box.top);
     }

@@ -1,41 +1,104 @@
-// The assembly that is edited: its state, undo and redo, and what it becomes as text.
+// The assembly that is edited: its state, what can be done to it, undo and redo, and its JSON.
 'use strict';
 
 const DATA = JSON.parse(document.getElementById('data').textContent);
 const FAMILIES = DATA.families;
 const FAMILY_NAMES = Object.keys(FAMILIES);
+const LONGEST_NAME = 128;
 
 const model = {
   transform: DATA.transform,
   primitives: DATA.primitives,
-  selected: -1,
   hidden: new Set(),
+  selected: -1,
   explode: 0,
   past: [],
   future: [],
-  saved: JSON.stringify(DATA.primitives),
 
   visible() { return this.primitives.filter((_, i) => !this.hidden.has(i)); },
+  get edited() { return this.saved.text !== this.first; },
+
+  now() { return JSON.stringify({primitives: this.primitives, hidden: [...this.hidden].sort((a, b) => a - b)}); },
 
   // Call once an edit is complete: it becomes one step of undo.
   commit() {
-    const now = JSON.stringify(this.primitives);
-    if (now === this.saved) return;
+    const text = this.now();
+    if (text === this.saved.text) return;
     this.past.push(this.saved);
     this.future = [];
-    this.saved = now;
+    this.saved = {text, selected: this.selected};
   },
 
   step(from, to) {
     if (!from.length) return;
     to.push(this.saved);
     this.saved = from.pop();
-    this.primitives = JSON.parse(this.saved);
+    const {primitives, hidden} = JSON.parse(this.saved.text);
+    // Who edits one part goes on with it; only when parts come or go is the selection of that time the right one.
+    if (primitives.length !== this.primitives.length) this.selected = this.saved.selected;
+    this.primitives = primitives;
+    this.hidden = new Set(hidden);
   },
 
   undo() { this.commit(); this.step(this.past, this.future); },
   redo() { this.commit(); this.step(this.future, this.past); },
+
+  // Change the list of parts; whoever is hidden or selected stays so.
+  rearrange(change) {
+    const hidden = new Set([...this.hidden].map(i => this.primitives[i])), chosen = this.primitives[this.selected];
+    change(this.primitives);
+    this.hidden = new Set(this.primitives.flatMap((part, i) => hidden.has(part) ? [i] : []));
+    this.selected = this.primitives.indexOf(chosen);
+  },
+
+  hide(index) { if (!this.hidden.delete(index)) this.hidden.add(index); },
+
+  // Hide all others; again: show all.
+  isolate(index) {
+    const others = this.primitives.map((_, i) => i).filter(i => i !== index);
+    const alone = !this.hidden.has(index) && this.hidden.size === others.length;
+    this.hidden = new Set(alone ? [] : others);
+  },
+
+  // A copy beside the part, right after it in the union; false if no more can be drawn.
+  duplicate(index) {
+    if (this.primitives.length >= DATA.most) return false;
+    const part = structuredClone(this.primitives[index]);
+    part.name = this.freeName(part.name);
+    part.translation[0] += 0.1;
+    this.rearrange(list => list.splice(index + 1, 0, part));
+    this.selected = index + 1;
+    return true;
+  },
+
+  freeName(name) {
+    const stem = name.replace(/ copy( \d+)?$/, '').slice(0, LONGEST_NAME - 12), taken = new Set(this.primitives.map(part => part.name));
+    for (let count = 1; ; count++) {
+      const tried = stem + ' copy' + (count > 1 ? ' ' + count : '');
+      if (!taken.has(tried)) return tried;
+    }
+  },
+
+  remove(index) {
+    this.rearrange(list => list.splice(index, 1));
+    if (this.selected < 0) this.selected = Math.min(index, this.primitives.length - 1);
+  },
+
+  // The union folds in the order of the list, so that a blend joins a part with all before it.
+  move(index, by) {
+    const to = index + by;
+    if (to < 0 || to >= this.primitives.length) return;
+    this.rearrange(list => list.splice(to, 0, ...list.splice(index, 1)));
+  },
+
+  // Only what a file may hold: printable characters, not too many, not none.
+  rename(index, text) {
+    const name = text.replace(/\p{Zs}/gu, ' ').replace(/[\p{C}\p{Zl}\p{Zp}]/gu, '').trim().slice(0, LONGEST_NAME);
+    if (name) this.primitives[index].name = name.replace(/[\uD800-\uDBFF]$/, '');
+  },
 };
+model.first = model.now();
+model.saved = {text: model.first, selected: -1};
 
 // JSON with the spaces that assembly.json has; whole numbers of lengths and ratios are written as 1.0.
 function spaced(value) {
@@ -57,37 +120,4 @@ function assemblyJson() {
     // Kept as the text it was: whole numbers there may have more digits than JavaScript keeps.
     '  "provenance": ' + DATA.provenance,
   ].join(',\n') + '\n}\n';
-}
-
-function decimal(value) {
-  const text = Math.fround(value).toPrecision(9).replace(/(\.\d*?)0+(e|$)/, '$1$2').replace(/\.(e|$)/, '.0$1');
-  return /[.e]/.test(text) ? text : text + '.0';
-}
-
-// A stand-alone GLSL function `float map(vec3 p)` of the visible parts, in the normalised frame.
-function assemblyGlsl() {
-  const parts = model.visible();
-  const used = FAMILY_NAMES.filter(name => parts.some(part => part.family === name));
-  const lines = parts.map((part, i) => {
-    const shape = FAMILIES[part.family].parameters.flatMap(entry => part.parameters[entry.name]);
-    while (shape.length < 8) shape.push(0);
-    const [w, x, y, z] = part.rotation;
-    const local = `to_part(p - vec3(${part.translation.map(decimal).join(', ')}), vec4(${[x, y, z, w].map(decimal).join(', ')}))`;
-    const call = `sdf_${part.family}(${local},\n    float[8](${shape.map(decimal).join(', ')}))`;
-    return i ? `  d = smooth_minimum(d, ${call}, ${decimal(part.blend)});` : `  float d = ${call};`;
-  });
-  return `// Signed distance of an assembly in its normalised frame, negative inside.
-// mesh = ${model.transform.scale} * normalised + (${model.transform.translation.join(', ')})
-// GLSL ES 3.00, highp floats.
-${used.map(name => FAMILIES[name].glsl.trim()).join('\n')}
-vec3 to_part(vec3 v, vec4 q) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) - q.w * v); }
-float smooth_minimum(float a, float b, float blend) {
-  float near = max(blend - abs(a - b), 0.0);
-  return min(a, b) - near * near * 0.25 / max(blend, 1e-12);
-}
-float map(vec3 p) {
-${lines.join('\n') || '  float d = 1e30;'}
-  return d;
-}
-`;
 }

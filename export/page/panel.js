@@ -9,62 +9,6 @@ function make(tag, properties = {}, ...children) {
   return made;
 }
 
-// Turns about x, then y, then z of the normalised frame, in degrees, and the unit quaternion (w, x, y, z) of such.
-function toAngles([w, x, y, z]) {
-  const sine = Math.max(-1, Math.min(1, 2 * (w * y - z * x)));
-  return [
-    Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), Math.asin(sine),
-    Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-  ].map(angle => angle * 180 / Math.PI);
-}
-
-function toQuaternion(angles) {
-  const [c, s] = [Math.cos, Math.sin].map(f => angles.map(angle => f(angle * Math.PI / 360)));
-  return [
-    c[0] * c[1] * c[2] + s[0] * s[1] * s[2], s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
-    c[0] * s[1] * c[2] + s[0] * c[1] * s[2], c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
-  ];
-}
-
-// Every number of a part that can be edited: label, unit, slider range, legal range, how to read and write it.
-function fields(part, index) {
-  const list = [], lengths = `length (× ${Number(model.transform.scale.toPrecision(4))})`;
-  for (const entry of FAMILIES[part.family].parameters) {
-    const unitName = entry.unit === 'length' ? lengths : entry.unit;
-    for (let k = 0; k < entry.count; k++) {
-      const many = entry.count > 1;
-      list.push({
-        id: many ? `${entry.name}.${k}` : entry.name, group: 'Shape', hint: `${entry.description} [${unitName}]`,
-        label: many ? `${entry.name} ${entry.count === 3 ? 'xyz'[k] : k + 1}` : entry.name,
-        slider: entry.slider, legal: entry.legal,
-        get: () => many ? part.parameters[entry.name][k] : part.parameters[entry.name],
-        set: value => { if (many) part.parameters[entry.name][k] = value; else part.parameters[entry.name] = value; },
-      });
-    }
-  }
-  for (let k = 0; k < 3; k++) {
-    list.push({
-      id: `translation.${k}`, group: 'Position', label: 'xyz'[k], hint: `centre [${lengths}]`, slider: [-1, 1],
-      legal: [null, null], get: () => part.translation[k], set: value => { part.translation[k] = value; },
-    });
-  }
-  const angles = toAngles(part.rotation);
-  for (let k = 0; k < 3; k++) {
-    list.push({
-      id: `rotation.${k}`, group: 'Rotation', label: 'about ' + 'xyz'[k], hint: 'turn [degrees]', slider: [-180, 180],
-      legal: [-360, 360], step: 0.5, get: () => angles[k],
-      set: value => { angles[k] = value; part.rotation = toQuaternion(angles); },
-    });
-  }
-  if (index > 0) {
-    list.push({
-      id: 'blend', group: 'Join', label: 'blend', hint: `radius of the smooth union with the parts before it [${lengths}]`,
-      slider: [0, 1], legal: [0, null], get: () => part.blend, set: value => { part.blend = value; },
-    });
-  }
-  return list;
-}
-
 function fieldRow(field, edited, committed) {
   const step = field.step || 0.001, shown = value => String(Number(value.toFixed(4)));
   const slider = make('input', {type: 'range', min: field.slider[0], max: field.slider[1], step: step, title: field.hint});
@@ -96,18 +40,45 @@ function fieldRow(field, edited, committed) {
   return make('label', {className: 'field', title: field.hint}, make('span', {textContent: field.label}), slider, number);
 }
 
+function smallButton(text, hint, action) {
+  const made = make('button', {type: 'button', className: 'small', textContent: text, title: hint});
+  made.addEventListener('click', action);
+  return made;
+}
+
+// Name, colour, and what can be done with the selected part as a whole.
+function partHead(part, index, actions) {
+  const colour = make('input', {type: 'color', value: part.color, title: 'colour'});
+  colour.setAttribute('aria-label', 'colour');
+  colour.addEventListener('input', () => actions.recolour(index, colour.value));
+  colour.addEventListener('change', actions.committed);
+  const name = make('input', {type: 'text', id: 'name', value: part.name, maxLength: LONGEST_NAME, title: 'name'});
+  name.setAttribute('aria-label', 'name');
+  name.addEventListener('change', () => actions.rename(index, name.value));
+  name.addEventListener('keydown', event => { if (event.key === 'Enter') name.blur(); });
+  return [
+    make('h2', {}, colour, name, make('small', {textContent: part.family})),
+    make('div', {className: 'tools'},
+      smallButton('duplicate', 'a copy beside it (D)', () => actions.duplicate(index)),
+      smallButton('delete', 'take it out (Delete)', () => actions.remove(index)),
+      smallButton('earlier', 'one place earlier in the union', () => actions.move(index, -1)),
+      smallButton('later', 'one place later in the union', () => actions.move(index, 1)),
+    ),
+  ];
+}
+
 const panel = {
-  showParts(chosen, hide, isolate) {
+  showParts(actions) {
+    byId('count').textContent = model.primitives.length + (model.primitives.length === 1 ? ' part' : ' parts')
+      + (model.hidden.size ? `, ${model.hidden.size} hidden` : '') + (model.edited ? ', edited' : '');
     byId('parts').replaceChildren(...model.primitives.map((part, index) => {
       const hidden = model.hidden.has(index);
       const dot = make('i', {className: 'dot'});
       dot.style.background = part.color;
       const name = make('button', {className: 'name', type: 'button'}, dot, make('span', {textContent: part.name}));
-      name.addEventListener('click', () => chosen(index));
-      const eye = make('button', {type: 'button', className: 'small', textContent: hidden ? 'show' : 'hide'});
-      eye.addEventListener('click', () => hide(index));
-      const only = make('button', {type: 'button', className: 'small', textContent: 'only', title: 'hide all others; again: show all'});
-      only.addEventListener('click', () => isolate(index));
+      name.addEventListener('click', () => actions.select(index));
+      const eye = smallButton(hidden ? 'show' : 'hide', 'in the picture only: files keep it (H)', () => actions.hide(index));
+      const only = smallButton('only', 'hide all others; again: show all (I)', () => actions.isolate(index));
       const row = make('li', {}, name, eye, only);
       row.classList.toggle('hidden', hidden);
       row.classList.toggle('selected', index === model.selected);
@@ -118,15 +89,15 @@ const panel = {
     byId('redo').disabled = !model.future.length;
   },
 
-  showFields(edited, committed) {
+  showFields(actions) {
     const part = model.primitives[model.selected], box = byId('fields');
     byId('hint').hidden = Boolean(part);
     if (!part) return box.replaceChildren();
-    const rows = [make('h2', {}, make('span', {textContent: part.name}), make('small', {textContent: part.family}))];
+    const rows = partHead(part, model.selected, actions);
     let group = '';
     for (const field of fields(part, model.selected)) {
       if (field.group !== group) rows.push(make('h3', {textContent: group = field.group}));
-      rows.push(fieldRow(field, edited, committed));
+      rows.push(fieldRow(field, actions.edited, actions.committed));
     }
     box.replaceChildren(...rows);
   },

@@ -3,20 +3,9 @@
 
 const SCREEN = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0); }`;
-const OVERLAY_VERTEX = `#version 300 es
-in vec3 place;
-uniform vec3 eye, right, upward, forward;
-uniform vec2 scale;
-void main() {
-  vec3 v = place - eye;
-  gl_Position = vec4(dot(v, right) * scale.x, dot(v, upward) * scale.y, 0.0, dot(v, forward));
-}`;
-const OVERLAY_FRAGMENT = `#version 300 es
-precision highp float;
-uniform vec4 colour;
-out vec4 result;
-void main() { result = colour; }`;
-const TILE = 64, BUDGET_MS = 28, REST_MS = 160;
+const TILE = 64, REST_MS = 160;
+// While something moves, 60 pictures a second; where that would be coarse, half as many.
+const SMOOTH_MS = 13, BUDGET_MS = 28, COARSE = 0.4;
 
 function makeRenderer(canvas, camera) {
   const gl = canvas.getContext('webgl2', {antialias: false, preserveDrawingBuffer: true, alpha: false});
@@ -42,12 +31,18 @@ function makeRenderer(canvas, camera) {
     }
     return {program, places};
   };
-  const tracer = build(SCREEN, DATA.shader), overlay = build(OVERLAY_VERTEX, OVERLAY_FRAGMENT);
+  // Each ray keeps one bit a part: the shader is made anew once copies of parts need more words of bits.
+  const wordCount = parts => Math.max(1, Math.ceil(parts / 32));
+  const makeTracer = () => build(SCREEN, DATA.shader.replace(/#define WORDS \d+/, '#define WORDS ' + words));
+  let words = wordCount(DATA.primitives.length), tracer = makeTracer();
+  const overlay = makeOverlay(gl, build);
   const table = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, table);
   for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
 
-  const target = () => ({buffer: gl.createFramebuffer(), store: gl.createRenderbuffer(), width: 0, height: 0});
+  const target = deep => ({
+    buffer: gl.createFramebuffer(), store: gl.createRenderbuffer(), depth: deep && gl.createRenderbuffer(), width: 0, height: 0,
+  });
   const resize = (made, width, height) => {
     gl.bindFramebuffer(gl.FRAMEBUFFER, made.buffer);
     if (made.width === width && made.height === height) return;
@@ -55,22 +50,35 @@ function makeRenderer(canvas, camera) {
     gl.bindRenderbuffer(gl.RENDERBUFFER, made.store);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, made.store);
+    if (!made.depth) return;
+    gl.bindRenderbuffer(gl.RENDERBUFFER, made.depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, made.depth);
   };
-  const copy = (from, width, height, to, filter) => {
+  const copy = (from, left, low, width, height, to, filter) => {
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from.buffer);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to ? to.buffer : null);
-    gl.blitFramebuffer(0, 0, from.width, from.height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, filter);
+    gl.blitFramebuffer(0, 0, from.width, from.height, left, low, left + width, low + height, gl.COLOR_BUFFER_BIT, filter);
   };
-  const fine = target(), coarse = target(), probe = target();
-  let scale = 0.35, moved = 0, pass = 0, tile = 0, passBegan = 0, waiting = false, shown = null, lines = null;
+  const fine = target(), coarse = target(), probe = target(), beside = target(true);
+  let scale = 0.35, moved = 0, pass = 0, tile = 0, passBegan = 0, waiting = false, shown = null, besideShown = null;
   let settings = {count: 0};
+  const darkness = matchMedia('(prefers-color-scheme: dark)');
 
-  function useTracer(width, height, mode, samples, shadowSteps) {
+  // Size of the assembly's picture, and its lower left corner; the input's picture is to the left of it or above it.
+  const pane = () => {
+    const {width, height} = canvas, side = overlay.ready && camera.overlay === 'side', wide = width >= height;
+    const made = {side, width: side && wide ? width >> 1 : width, height: side && !wide ? height >> 1 : height};
+    return {...made, left: width - made.width, low: 0};
+  };
+
+  function useTracer(width, height, mode, samples, shadowSteps, count = settings.count) {
     const at = tracer.places, view = camera.view();
     gl.useProgram(tracer.program);
     gl.viewport(0, 0, width, height);
     gl.uniform1i(at.parts, 0);
-    gl.uniform1i(at.partCount, settings.count);
+    gl.uniform1i(at.partCount, count);
+    gl.uniform1f(at.dark, darkness.matches ? 1 : 0);
     for (const name of ['eye', 'right', 'upward', 'forward', 'key', 'fill', 'rim', 'vertical']) gl.uniform3fv(at[name], view[name]);
     gl.uniform1f(at.slope, view.slope);
     gl.uniform2f(at.resolution, width, height);
@@ -83,28 +91,28 @@ function makeRenderer(canvas, camera) {
   const finish = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 
   function drawCoarse() {
-    const width = Math.max(16, Math.round(canvas.width * scale)), height = Math.max(16, Math.round(canvas.height * scale));
+    const whole = pane(), width = Math.max(16, Math.round(whole.width * scale)), height = Math.max(16, Math.round(whole.height * scale));
     resize(coarse, width, height);
     useTracer(width, height, 0, 1, 14);
     const begin = performance.now();
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     finish();
-    const share = BUDGET_MS / Math.max(1, performance.now() - begin);
+    const share = (scale > COARSE ? SMOOTH_MS : BUDGET_MS) / Math.max(1, performance.now() - begin);
     scale = Math.min(1, Math.max(0.1, scale * Math.min(1.3, Math.max(0.5, Math.sqrt(share)))));
-    resize(fine, canvas.width, canvas.height);
-    copy(coarse, canvas.width, canvas.height, fine, gl.LINEAR);
+    resize(fine, whole.width, whole.height);
+    copy(coarse, 0, 0, whole.width, whole.height, fine, gl.LINEAR);
     [pass, tile] = [0, 0];
   }
 
   // One ray a pixel first, then four: but not where the first pass took long already.
   function drawTiles() {
-    const across = Math.ceil(canvas.width / TILE), total = across * Math.ceil(canvas.height / TILE);
+    const {width, height} = pane(), across = Math.ceil(width / TILE), total = across * Math.ceil(height / TILE);
     const begin = performance.now();
-    resize(fine, canvas.width, canvas.height);
+    resize(fine, width, height);
     if (tile === 0) passBegan = begin;
     gl.enable(gl.SCISSOR_TEST);
     while (tile < total && performance.now() - begin < BUDGET_MS) {
-      useTracer(canvas.width, canvas.height, 0, pass + 1, 44);
+      useTracer(width, height, 0, pass + 1, 44);
       gl.scissor(TILE * (tile % across), TILE * Math.floor(tile / across), TILE, TILE);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
       finish();
@@ -114,21 +122,15 @@ function makeRenderer(canvas, camera) {
     if (tile === total) [pass, tile] = performance.now() - passBegan < 1500 ? [pass + 1, 0] : [2, 0];
   }
 
-  function drawOverlay() {
-    if (!lines || !camera.overlay) return;
-    const at = overlay.places, view = camera.view(), aspect = canvas.width / canvas.height;
-    gl.useProgram(overlay.program);
-    for (const name of ['eye', 'right', 'upward', 'forward']) gl.uniform3fv(at[name], view[name]);
-    gl.uniform2f(at.scale, 1 / (view.slope * aspect), 1 / view.slope);
-    gl.bindVertexArray(lines.array);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-    gl.uniform4f(at.colour, 0.10, 0.18, 0.30, 0.05);
-    gl.drawElements(gl.TRIANGLES, lines.faceCount, gl.UNSIGNED_INT, 0);
-    gl.uniform4f(at.colour, 0.05, 0.10, 0.20, 0.17);
-    gl.drawElements(gl.LINES, lines.edgeCount, gl.UNSIGNED_INT, 4 * lines.faceCount);
-    gl.disable(gl.BLEND);
-    gl.bindVertexArray(null);
+  // Twice as large as it is shown, so that edges are smooth.
+  function drawBeside(whole) {
+    const width = 2 * whole.width, height = 2 * whole.height;
+    resize(beside, width, height);
+    useTracer(width, height, 0, 1, 0, 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    overlay.draw(camera.view(), width / height, 'side', darkness.matches);
+    besideShown = moved;
+    copy(beside, 0, canvas.height - whole.height, whole.width, whole.height, null, gl.LINEAR);
   }
 
   function frame() {
@@ -141,16 +143,24 @@ function makeRenderer(canvas, camera) {
       shown = moved;
       drawCoarse();
     } else if (resting && pass < 2) drawTiles();
-    copy(fine, canvas.width, canvas.height, null, gl.NEAREST);
+    const whole = pane();
+    copy(fine, whole.left, whole.low, whole.width, whole.height, null, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
-    drawOverlay();
+    if (whole.side) {
+      // It changes only with the view: the tiles of the other picture need not wait for it.
+      if (besideShown !== moved) drawBeside(whole);
+    } else if (overlay.ready && camera.overlay !== 'off') {
+      overlay.draw(camera.view(), canvas.width / canvas.height, camera.overlay, darkness.matches);
+    }
     if (pass < 2 || shown !== moved) later();
   }
   function later() {
     if (!waiting) requestAnimationFrame(frame);
     waiting = true;
   }
+
+  darkness.addEventListener('change', () => { moved = performance.now(); later(); });
 
   return {
     // Draw again, coarse at first.
@@ -166,38 +176,26 @@ function makeRenderer(canvas, camera) {
     },
     setParts(made) {
       settings = made;
+      if (words < wordCount(made.count)) {
+        words = wordCount(made.count);
+        gl.deleteProgram(tracer.program);
+        tracer = makeTracer();
+      }
       gl.bindTexture(gl.TEXTURE_2D, table);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, COLUMNS, Math.max(1, made.count), 0, gl.RGBA, gl.FLOAT, made.data);
       this.draw();
     },
-    setOverlay(places, faces) {
-      const edges = new Set();
-      for (let i = 0; i < faces.length; i += 3) {
-        for (let k = 0; k < 3; k++) {
-          const a = faces[i + k], b = faces[i + (k + 1) % 3];
-          edges.add(Math.min(a, b) * 65536 + Math.max(a, b));
-        }
-      }
-      const indices = new Uint32Array([...faces, ...[...edges].flatMap(edge => [Math.floor(edge / 65536), edge % 65536])]);
-      lines = {array: gl.createVertexArray(), faceCount: faces.length, edgeCount: 2 * edges.size};
-      gl.bindVertexArray(lines.array);
-      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, places, gl.STATIC_DRAW);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
-      const place = gl.getAttribLocation(overlay.program, 'place');
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
-      gl.bindVertexArray(null);
-    },
+    setOverlay: overlay.set,
+    get aspect() { return pane().width / Math.max(1, pane().height); },
     // Row of the table that is seen at a place of the canvas (CSS pixels from its upper left), or -1.
     pick(x, y) {
-      const ratio = canvas.width / canvas.clientWidth;
+      const ratio = canvas.width / canvas.clientWidth, {width, height} = pane();
       gl.bindTexture(gl.TEXTURE_2D, table);
       resize(probe, 1, 1);
-      useTracer(canvas.width, canvas.height, 1, 1, 0);
+      useTracer(width, height, 1, 1, 0);
       gl.viewport(0, 0, 1, 1);
-      gl.uniform2f(tracer.places.pixel, x * ratio, canvas.height - y * ratio);
+      // A place of the input's picture is the same place of the assembly's.
+      gl.uniform2f(tracer.places.pixel, (x * ratio) % width, (canvas.height - y * ratio) % height);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
       const read = new Uint8Array(4);
       gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, read);

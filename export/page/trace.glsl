@@ -17,6 +17,7 @@ uniform int samples;     // rays along each side of a pixel
 uniform int shadowSteps; // 0 leaves shadows and ambient occlusion out
 uniform vec3 key, fill, rim, vertical;
 uniform vec4 ground;     // centre of the ground, and its radius
+uniform float dark;      // 1 for a dark backdrop
 out vec4 result;
 
 const float NONE = 1e30;
@@ -190,7 +191,9 @@ float openness_at(vec3 p, vec3 n) {
 
 vec3 backdrop(vec2 at) {
   float away = length((at - vec2(0.5, 0.55)) * vec2(0.9, 0.75));
-  return mix(vec3(0.90, 0.905, 0.915), vec3(0.70, 0.715, 0.74), smoothstep(0.05, 0.85, away));
+  vec3 near = mix(vec3(0.90, 0.905, 0.915), vec3(0.055, 0.06, 0.07), dark);
+  vec3 far = mix(vec3(0.70, 0.715, 0.74), vec3(0.018, 0.02, 0.025), dark);
+  return mix(near, far, smoothstep(0.05, 0.85, away));
 }
 
 vec3 lit(vec3 p, vec3 n, vec3 view, vec4 painted) {

@@ -20,6 +20,7 @@ from resfit.assembly.history import History
 from resfit.clock import Clock, peak_mb
 from resfit.eval.metrics import Deviation
 from resfit.export.by_suffix import export_assembly
+from resfit.export.facts import report_facts, up_axis
 from resfit.export.html import MAX_PARTS, write_html
 from resfit.fitter.outcome import Status
 from resfit.folder import REPORT, REPORT_FORMAT, filling
@@ -37,9 +38,6 @@ PANEL = (480, 360)
 
 CLOSED_KINDS = ("closed", "flipped", "reoriented", "union")
 """Kinds of solids whose inside the mesh itself tells: IoU is a headline for these only."""
-
-Z_UP_SUFFIXES = (".stl", ".3mf", ".off", ".step", ".stp")
-"""Formats of CAD, where z points up; in glTF and most others it is y. Only pictures depend on it."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +116,7 @@ class FitResult:
                 (temporary / "preview.png").write_bytes(png_bytes(self.preview()))
             with timed(timings, "viewer"):
                 if len(self.assembly.primitives) <= MAX_PARTS:
-                    page = temporary / "viewer.html"
-                    write_html(self.assembly, page, up=self.up, title=self.input.name)
+                    self.write_page(temporary / "viewer.html")
             metrics = self.metrics | {
                 "cpu_s": self.metrics["cpu_s"] + clock.cpu_s,
                 "wall_s": self.metrics["wall_s"] + clock.wall_s,
@@ -129,10 +126,20 @@ class FitResult:
             write_bytes(temporary / REPORT, f"{text}\n".encode())
         return folder
 
+    def write_page(self, path: Path) -> None:
+        """Write the page that shows and edits the assembly, with the input to compare it with."""
+        from trimesh import Trimesh
+
+        mesh = Trimesh(
+            self.assembly.transform.to_mesh(self.target.vertices), self.target.faces, process=False
+        )
+        facts = report_facts(self.report(self.metrics, self.timings))
+        write_html(self.assembly, path, mesh=mesh, up=self.up, title=self.input.name, facts=facts)
+
     @property
     def up(self) -> Literal["y", "z"]:
         """The axis that points up in pictures, by the input's format."""
-        return "z" if self.input.name.lower().endswith(Z_UP_SUFFIXES) else "y"
+        return up_axis(self.input.name)
 
     def report(self, metrics: Mapping[str, float], timings: Mapping[str, float]) -> dict[str, Any]:
         """The content of report.json, JSON values."""

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from resfit.errors import InputError
+
+if TYPE_CHECKING:
+    from resfit.assembly.assembly import Assembly
 
 
 def export(
@@ -17,9 +20,11 @@ def export(
     merged: Annotated[bool | None, Parameter(negative="--parts")] = None,
     top: int | None = None,
     resolution: int | None = None,
+    mesh: Path | None = None,
+    up: Literal["y", "z"] | None = None,
     device: str = "auto",
 ) -> int:
-    """Write an assembly in other formats, chosen by suffix: .glb .obj .ply .stl.
+    """Write an assembly in other formats, chosen by suffix: .glb .obj .ply .stl .html.
 
     Args:
         assembly: the assembly.json to read.
@@ -28,22 +33,60 @@ def export(
         top: only so many parts, the most worthwhile: by the gains in the report.json beside the assembly, or else by
             the volume that each alone holds.
         resolution: cells along the longest side, of the whole or of each part.
+        mesh: the input, to be shown over the assembly in a page (.html), in at most 4000 faces.
+        up: what points up in a page at first; z for formats of CAD unless given.
         device: auto, cpu or cuda:0.
     """
     if not outputs:
         raise InputError("resfit export needs at least one file to write, such as chair.glb.")
     from resfit.assembly.assembly import Assembly
-    from resfit.export.by_suffix import check_path, export_assembly
+    from resfit.export.by_suffix import PAGES, check_path, export_assembly
 
     for path in outputs:
         check_path(path)
     if top is not None and top < 1:
         raise InputError(f"--top {top} is out of range; it must be at least 1.")
-    loaded = Assembly.load(assembly)
-    if top is not None and top < len(loaded.primitives):
+    pages = [path for path in outputs if path.suffix.lower() in PAGES]
+    if mesh is not None and not pages:
+        raise InputError("--mesh is for pages; give a file to write that ends in .html.")
+    whole = loaded = Assembly.load(assembly)
+    if top is not None and top < len(whole.primitives):
         from resfit.assembly.worth import part_worths
 
-        loaded = loaded.top(top, part_worths(loaded, assembly, device))
+        loaded = whole.top(top, part_worths(whole, assembly, device))
     for path in outputs:
-        export_assembly(loaded, path, merged=merged, resolution=resolution, device=device)
+        if path in pages:
+            export_page(loaded, path, assembly.parent if loaded is whole else None, mesh, up)
+        else:
+            export_assembly(loaded, path, merged=merged, resolution=resolution, device=device)
     return 0
+
+
+def export_page(
+    assembly: Assembly, path: Path, fit: Path | None, mesh: Path | None, up: Literal["y", "z"] | None
+) -> None:
+    """Write a page.
+
+    Args:
+        assembly: what to show.
+        path: the file to write.
+        fit: the folder whose report.json tells where the assembly came from, if it does.
+        mesh: file of the input.
+        up: what points up at first; None goes by the input's format.
+    """
+    from resfit.export.facts import at, read_report, report_facts, up_axis
+    from resfit.export.html import write_html
+
+    report = {} if fit is None else read_report(fit)
+    digest = at(report, "input", "sha256")
+    if not digest or digest != assembly.provenance.input_sha256:
+        # It is another assembly's report.
+        report = {}
+    loaded = None
+    if mesh is not None:
+        from resfit.target.load import load_mesh
+
+        loaded = load_mesh(mesh)
+    source = mesh.name if mesh is not None else str(at(report, "input", "name") or "")
+    facts = report_facts(report)
+    write_html(assembly, path, mesh=loaded, up=up or up_axis(source), title=source or None, facts=facts)
