@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ..assembly.primitive import Vector
 from ..kernels.camera import UP_AXES, Camera, frame_bounds
 from .poses import to_vector
 
@@ -43,6 +44,10 @@ class OrbitCamera:
         towards = np.array([side, top, front] if self.up == "y" else [side, -front, top])
         place = self.target + self.distance * towards
         return Camera(to_vector(place), to_vector(self.target), UP_AXES[self.up], self.field_of_view)
+
+    def across(self) -> Vector:
+        """Unit vector to the right in the picture, scene's frame."""
+        return to_vector(self.view().axes[0])
 
     def frame(self, lower: np.ndarray, upper: np.ndarray, aspect: float) -> None:
         """See all of a box with corners (3,) each, in a picture `aspect` times as wide as high."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -52,6 +52,47 @@ class View:
     """Points on the input's surface, by their distance to the assembly."""
     across: Vector = (1.0, 0.0, 0.0)
     """Unit vector, scene's frame: where what stands beside goes; usually the camera's right."""
+
+
+TOGGLES = (
+    "joined", "edges", "wireframe", "labels", "explode", "section", "slice", "mesh", "error", "residual", "samples",
+)  # fmt: skip
+SWITCHES = (*TOGGLES, "section_back", "section_on")
+COMPARING = ("mesh", "error", "residual", "samples")
+"""Switches that need an input mesh."""
+
+EXPLODED = 0.6
+"""How far the switch moves parts apart."""
+SECTION_STEP = 0.04
+AXES: tuple[Axis | None, ...] = (None, "x", "y", "z")
+
+
+def is_on(view: View, name: str) -> bool:
+    """Whether one of TOGGLES is on."""
+    value = getattr(view, name)
+    return value not in (None, "off", False, 0.0)
+
+
+def switched(view: View, name: str, across: Vector) -> View:
+    """The view after one of SWITCHES.
+
+    Args:
+        view: as it is.
+        name: which switch; those with more than two positions go on to the next.
+        across: the camera's right, for what is set side by side.
+    """
+    if name == "explode":
+        return replace(view, explode=0.0 if view.explode else EXPLODED)
+    if name == "section":
+        return replace(view, section=AXES[(AXES.index(view.section) + 1) % len(AXES)])
+    if name in ("section_back", "section_on"):
+        step = SECTION_STEP if name == "section_on" else -SECTION_STEP
+        return replace(view, section_at=min(1.0, max(0.0, view.section_at + step)))
+    if name == "mesh":
+        mode = MESH_MODES[(MESH_MODES.index(view.mesh) + 1) % len(MESH_MODES)]
+        return replace(view, mesh=mode, across=across)
+    change: Any = {name: not getattr(view, name)}
+    return replace(view, **change)
 
 
 @dataclass(frozen=True)
