@@ -3,6 +3,7 @@
 #   make test      the quick tests (core and test packages only)
 #   make test-all  lint, type check and every test, the slow ones and those with optional packages too
 #   make results   the tables and pictures in docs/; MESHES="folder..." fits the meshes of other folders
+#   make gallery   a page of fits, out/gallery/index.html; MESHES="folder..." shows the meshes or fits of other folders
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,7 +13,7 @@ EDITABLE := --config-settings editable_mode=strict
 FILES := find src kernels assembly target decomposition fitter eval export viewer applications -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
-.PHONY: help demo test test-all lint format schema results bench doctor install install-all clean
+.PHONY: help demo test test-all lint format schema results gallery bench doctor install install-all clean
 help:
 	@sed -n 's/^#   //p' Makefile
 
@@ -41,6 +42,9 @@ results: install
 	@$(BIN)/resfit bench kernels --markdown docs/kernels.md
 	@$(BIN)/resfit demo -o out/potted_cactus.resfit && cp out/potted_cactus.resfit/preview.png docs/demo.png
 	@$(BIN)/python -m resfit.eval.results $(MESHES) --out docs
+
+gallery: install
+	@$(BIN)/resfit gallery $(MESHES) -o out/gallery
 
 bench: install
 	@$(BIN)/resfit bench kernels

@@ -41,6 +41,7 @@ def build_app(everything: bool = False) -> App:
     from resfit.cli.eval import evaluate
     from resfit.cli.export import export
     from resfit.cli.fit import MORE, fit
+    from resfit.cli.gallery import gallery
 
     app = App(
         name="resfit",
@@ -57,6 +58,7 @@ def build_app(everything: bool = False) -> App:
     app.command(bench)
     app.command(doctor)
     app.command(demo)
+    app.command(gallery)
     return app
 
 

@@ -1,0 +1,167 @@
+"""`resfit gallery`: a static page of many fits; meshes that have none yet are fitted first."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from resfit.errors import InputError
+
+if TYPE_CHECKING:
+    from resfit.eval.gallery import Entry
+
+FAILED = 3
+
+OPTIONS = (
+    "primitive",
+    "union",
+    "decompose",
+    "optimizer",
+    "max_primitives",
+    "target_iou",
+    "tolerance",
+    "rounds",
+    "parsimony",
+)
+"""Fields of a configuration that `resfit fit` has an option with a value for."""
+
+
+def gallery(
+    *paths: Path,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("gallery"),
+    work: Path | None = None,
+    preset: Literal["fast", "balanced", "best"] = "balanced",
+    timeout: float = 600.0,
+    title: str = "Fits by resfit",
+) -> int:
+    """Write a static page of many fits: input beside assembly, numbers, commands, and each fit's own page.
+
+    The folder may be opened from disk or put on any web server. Meshes without a fit of this preset among the given
+    ones and those of earlier calls are fitted first, one process each; called again, it goes on where it was stopped.
+
+    Args:
+        paths: folders of fits, at any depth; meshes, and folders of meshes. The bundled mesh unless given.
+        output: folder for index.html and what it links to.
+        work: folder for the fits that this makes; OUTPUT.fits unless given.
+        preset: of the fits that this makes.
+        timeout: seconds a fit, after which the best so far is taken; 0 is off.
+        title: of the page.
+    """
+    from importlib.resources import as_file, files
+
+    from resfit.cli.demo import MESH
+
+    work = work or output.with_name(f"{output.name}.fits")
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"there is no {path}; give meshes, and folders of meshes or of fits.")
+    if paths:
+        return write(list(paths), output, work, preset, timeout, title)
+    with as_file(files("resfit.data") / MESH) as mesh:
+        return write([mesh], output, work, preset, timeout, title)
+
+
+def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: float, title: str) -> int:
+    """The same with all that is needed given."""
+    from resfit.eval.gallery import find_fits, write_gallery
+    from resfit.eval.results import find_meshes
+
+    folders = [path for path in paths if path.is_dir()]
+    files = [path for path in paths if not path.is_dir()]
+    # What lies in a fit's own folder is its result.
+    inputs = [folder for folder in folders if not (folder / "report.json").exists()]
+    meshes = {digest_of(mesh): mesh for mesh in [*files, *find_meshes(inputs)]}
+    entries = read_entries(find_fits([*folders, *([work] if work.is_dir() else [])]))
+    done = {entry.sha256 for entry in entries if entry.preset == preset and entry.status != "interrupted"}
+    missing = [mesh for digest, mesh in meshes.items() if digest not in done]
+    code = 0
+    if missing:
+        code = fit_all(missing, work, preset, timeout)
+        entries = read_entries(find_fits([*folders, work]))
+    if not entries:
+        raise InputError("there is no fit to show; give meshes, or folders of meshes or of fits.")
+    page = write_gallery(
+        entries, output, lambda entry, path: write_page(entry, path, meshes.get(entry.sha256)), title
+    )
+    sys.stdout.write(f"{page}: {len(entries)} fits\n")
+    return code
+
+
+def digest_of(mesh: Path) -> str:
+    """What a report has as the `sha256` of its input."""
+    with mesh.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_entries(folders: list[Path]) -> list[Entry]:
+    """The fits in these folders by name; of one that is there twice, given in two ways, the first."""
+    from resfit.eval.gallery import read_entry
+
+    found = {folder.resolve(): read_entry(folder, fit_command) for folder in folders}
+    return sorted(
+        (entry for entry in found.values() if entry), key=lambda entry: (entry.name.lower(), entry.folder)
+    )
+
+
+def fit_all(meshes: list[Path], work: Path, preset: str, timeout: float) -> int:
+    """Fit meshes, one process each; returns 3 if one failed, else 0. A fit's folder is filled at once or not at all."""
+    from resfit.eval.results import fit_one
+
+    failed = 0
+    work = work / preset
+    work.mkdir(parents=True, exist_ok=True)
+    for number, mesh in enumerate(meshes, 1):
+        row = fit_one(mesh, work, preset, timeout)
+        failed += "error" in row
+        told = row.get("error") or f"IoU {row['iou']:.3f}, {row['primitive_count']} parts"
+        sys.stderr.write(f"resfit: {number}/{len(meshes)} {mesh.name}: {told}\n")
+    return FAILED if failed else 0
+
+
+def write_page(entry: Entry, path: Path, mesh: Path | None) -> None:
+    """The page of a fit that has none, with the input where that is known."""
+    from resfit.assembly.assembly import Assembly
+    from resfit.cli.export import export_page
+
+    export_page(Assembly.load(entry.folder / "assembly.json"), path, entry.folder, mesh, None)
+
+
+def fit_command(report: dict[str, Any]) -> str:
+    """The command line that makes a fit again, from the options in its report; empty if they are not there."""
+    from resfit.export.facts import at
+    from resfit.fitter.config import preset_config
+
+    options, name = report.get("options"), at(report, "input", "name")
+    if not isinstance(options, dict) or not isinstance(name, str):
+        return ""
+    try:
+        usual = asdict(preset_config(options.get("preset", "balanced")))
+    except (InputError, TypeError):
+        return ""
+    words = (
+        ["resfit", "fit", name, "--preset", str(options["preset"])]
+        if "preset" in options
+        else ["resfit", "fit", name]
+    )
+    changed = {key: value for key, value in options.items() if key in usual and value != usual[key]}
+    for key in OPTIONS:
+        if key in changed:
+            words += ["--" + key.replace("_", "-"), str(changed.pop(key))]
+    words += [f"--{key}" for key in ("snap", "pareto") if changed.pop(key, False)]
+    if "per_part" in changed:
+        words.append({"on": "--per-part", "off": "--whole"}.get(str(changed.pop("per_part")), ""))
+    if report.get("seed"):
+        words += ["--seed", str(report["seed"])]
+    if options.get("init_sha256"):
+        words += ["--init", "ASSEMBLY"]
+    if options.get("objective"):
+        words += ["--objective", str(options["objective"])]
+    # What only Python can set.
+    rest = ", ".join(f"{key}={value}" for key, value in changed.items() if key != "preset")
+    return shlex.join(word for word in words if word) + (f"  # and in Python: {rest}" if rest else "")
