@@ -49,6 +49,14 @@ class OrbitCamera:
         """Unit vector to the right in the picture, scene's frame."""
         return to_vector(self.view().axes[0])
 
+    def ray(self, x: float, y: float, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Origin and unit direction (3,) of the ray through a pixel, counted from the lower left of a picture."""
+        view = self.view()
+        slope = 2.0 * math.tan(math.radians(0.5 * self.field_of_view)) / size[1]
+        right, upward, forward = view.axes
+        towards = forward + slope * ((x - 0.5 * size[0]) * right + (y - 0.5 * size[1]) * upward)
+        return np.asarray(view.position), towards / np.linalg.norm(towards)
+
     def frame(self, lower: np.ndarray, upper: np.ndarray, aspect: float) -> None:
         """See all of a box with corners (3,) each, in a picture `aspect` times as wide as high."""
         camera = frame_bounds(
@@ -79,4 +87,6 @@ class OrbitCamera:
         camera.SetFocalPoint(*view.target)
         camera.SetViewUp(*to_vector(view.axes[1]))
         camera.SetViewAngle(self.field_of_view)
+        # Else PyVista looks from elsewhere when it shows the scene for the first time.
+        renderer.camera_set = True
         renderer.ResetCameraClippingRange()

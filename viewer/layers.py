@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..kernels.bounds import assembly_bounds
+from .arrangement import Arrangement, Placed
 from .section import PlanePicture, cut_face, distance_bands
 from .stage import INK, Plotter, to_poly
-from .view import Arrangement, Placed, View
+from .view import View
 
 MISSING, EXCESS = "#d1495b", "#3b6ea8"
 """Colours of what the assembly lacks and of what it has too much."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..assembly.primitive import Primitive
+from .arrangement import Arrangement, Placed
 from .edits import PartRef
 from .live_surface import (
     LIVE_CELLS,
@@ -21,7 +22,7 @@ from .live_surface import (
 )
 from .poses import pose_matrix
 from .stage import INK, Plotter, to_edges, to_poly
-from .view import Arrangement, Placed, View
+from .view import View
 
 ACCENT = "#e0780a"
 """Edges of the part that is selected."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from resfit.errors import ResfitError
 
 SECONDS = 60.0
-"""Starting VTK on software OpenGL takes up to 20 s on a slow machine."""
+"""Starting VTK on software OpenGL, or a browser, takes up to 20 s on a slow machine."""
 
 PACKAGES = "libx11-6 libegl1 libgl1"
 """Debian's and Ubuntu's names of what VTK needs and minimal systems lack."""
@@ -60,37 +61,60 @@ def render_environment(off_screen: bool) -> dict[str, str]:
     )
 
 
-def start_probe(off_screen: bool = True) -> subprocess.Popen[str]:
-    """Begin to render one frame in another process; `finish_probe` has the answer."""
+def start_child(code: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
+    """Begin to run Python code in another process; `finish_child` has what it prints.
+
+    Args:
+        code: what to run.
+        environment: variables to set beside those that are set here.
+    """
     return subprocess.Popen(
-        [sys.executable, "-c", CODE.format(off_screen=off_screen)],
+        [sys.executable, "-c", code],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",
-        env={**os.environ, **render_environment(off_screen)},
+        env={**os.environ, **(environment or {})},
     )
 
 
-def finish_probe(process: subprocess.Popen[str], seconds: float = SECONDS) -> Probe:
-    """Wait for the answer of `start_probe`; never raises."""
+def finish_child(process: subprocess.Popen[str], seconds: float = SECONDS) -> str:
+    """The last line that a child printed.
+
+    Raises:
+        RuntimeError: if it failed, crashed or took too long: the reason, in a few words.
+    """
     try:
         output, complaints = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
-        return Probe(False, f"no answer within {seconds:g} s")
+        raise RuntimeError(f"no answer within {seconds:g} s") from None
     if process.returncode < 0:
-        return Probe(False, f"the process crashed (signal {-process.returncode})")
+        raise RuntimeError(f"the process crashed (signal {-process.returncode})")
     if process.returncode:
+        # The line of the exception; some packages put boxes of advice behind it.
         lines = [line for line in complaints.splitlines() if "Error: " in line] or ["it failed"]
-        return Probe(False, lines[-1].partition("Error: ")[2] or lines[-1])
-    return Probe(True, (output.splitlines() or ["VTK"])[-1])
+        raise RuntimeError(lines[-1].partition("Error: ")[2] or lines[-1])
+    return (output.splitlines() or ["works"])[-1]
+
+
+def start_probe(off_screen: bool = True) -> subprocess.Popen[str]:
+    """Begin to render one frame in another process; `finish_probe` has the answer."""
+    return start_child(CODE.format(off_screen=off_screen), render_environment(off_screen))
+
+
+def finish_probe(process: subprocess.Popen[str], seconds: float = SECONDS) -> Probe:
+    """Wait for the answer of `start_probe`; never raises."""
+    try:
+        return Probe(True, finish_child(process, seconds))
+    except RuntimeError as error:
+        return Probe(False, str(error))
 
 
 def probe_rendering(off_screen: bool = True) -> Probe:
-    """Render one frame in another process: half a second to a few."""
+    """Render one frame in another process: a second or a few."""
     return finish_probe(start_probe(off_screen))
 
 

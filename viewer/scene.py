@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from .arrangement import Arrangement, arrange
 from .camera import OrbitCamera
 from .comparison import Comparison
 from .edits import EditSession, PartRef
 from .layers import Layers
 from .part_actors import PartActors
 from .stage import Plotter
-from .view import Arrangement, View, arrange
+from .view import View
 
 
 class Scene:

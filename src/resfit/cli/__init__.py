@@ -42,6 +42,7 @@ def build_app(everything: bool = False) -> App:
     from resfit.cli.export import export
     from resfit.cli.fit import MORE, fit
     from resfit.cli.gallery import gallery
+    from resfit.cli.view import view
 
     app = App(
         name="resfit",
@@ -54,6 +55,7 @@ def build_app(everything: bool = False) -> App:
     app.command(fit)
     app.command(evaluate, name="eval")
     app.command(compare)
+    app.command(view)
     app.command(export)
     app.command(bench)
     app.command(doctor)

@@ -6,8 +6,6 @@ What can take the whole process down with it (VTK without a display, browsers) i
 from __future__ import annotations
 
 import platform
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -15,9 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from resfit.errors import ResfitError
-
-CHILD_SECONDS = 60.0
-"""Starting VTK on software OpenGL, or a browser, takes up to 20 s on a slow machine."""
+from resfit.viewer.probe import PACKAGES, finish_child, probe_rendering, start_child
 
 
 @dataclass(frozen=True)
@@ -47,15 +43,6 @@ OPTIONAL = (
     ("ray", "batches on a cluster", "pip install ray"),
 )
 
-PYVISTA_PROBE = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere())
-image = plotter.screenshot(return_img=True)
-assert image.std() > 1.0
-print("VTK", pyvista.vtk_version_info)
-"""
-
 CHROMIUM_PROBE = """
 import shutil
 from playwright.sync_api import sync_playwright
@@ -84,11 +71,7 @@ def run_checks(device: str, warm: bool) -> list[Check]:
         core.append(("warm", lambda: _warm(device), ""))
     checks = [_tried(name, probe, fix, core=True) for name, probe, fix in core]
     checks.append(_tried("ray tracer", lambda: _ray_tracer(device), "try --device cpu"))
-    checks.append(
-        _tried(
-            "pyvista", lambda: _child(PYVISTA_PROBE), "on Linux: install libgl1 libegl1 (OpenGL libraries)"
-        )
-    )
+    checks.append(_tried("pyvista", _pyvista, f"on Linux: install {PACKAGES}"))
     browser = "pip install playwright && playwright install --with-deps chromium"
     checks.append(_tried("chromium", lambda: _child(CHROMIUM_PROBE), browser))
     for package, purpose, fix in OPTIONAL:
@@ -167,24 +150,13 @@ def _box() -> Any:
     return Assembly((Primitive("cuboid", "box", Pose(), {"size": (1.0, 1.0, 1.0)}),))
 
 
+def _pyvista() -> str:
+    probe = probe_rendering()
+    if not probe.works:
+        raise RuntimeError(probe.detail)
+    return probe.detail
+
+
 def _child(code: str) -> str:
     """Run Python code in another process and return the last line that it prints."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=CHILD_SECONDS,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise RuntimeError(f"no answer within {CHILD_SECONDS:g} s") from None
-    if done.returncode < 0:
-        raise RuntimeError(f"the process crashed (signal {-done.returncode})")
-    if done.returncode:
-        # The line of the exception; some packages put boxes of advice behind it.
-        lines = [line for line in done.stderr.splitlines() if "Error: " in line] or ["it failed"]
-        raise RuntimeError(lines[-1].partition("Error: ")[2] or lines[-1])
-    return (done.stdout.splitlines() or ["works"])[-1]
+    return finish_child(start_child(code))

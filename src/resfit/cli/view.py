@@ -1,0 +1,77 @@
+"""`resfit view`: see and edit assemblies in a window, or take a picture of them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from resfit.errors import InputError
+
+
+def view(
+    *assemblies: Path,
+    target: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    export: Annotated[tuple[Path, ...], Parameter(negative="")] = (),
+    screenshot: Path | None = None,
+    size: str | None = None,
+    show: str = "",
+    explode: float = 0.0,
+    up: Literal["y", "z"] = "y",
+    azimuth: float = 35.0,
+    elevation: float = 22.0,
+    device: str = "auto",
+) -> int:
+    """See and edit assemblies in a window: click a part, drag its sliders or handles; ? lists all keys.
+
+    Args:
+        assemblies: assembly.json files, or folders of fits; several make one scene.
+        target: the mesh to compare with; unless given, the one of the fit's report, if it lies near.
+        output: where the edited assembly is saved; beside the one that was opened, with _edited in its name, unless
+            given.
+        export: file that Shift E writes, in the format of its suffix; may be given several times.
+        screenshot: write this picture and exit; needs no screen.
+        size: of the window or the picture, such as 1280x800.
+        show: what to show at first, separated by commas: joined, edges, wireframe, labels, slice, error, residual,
+            samples; the input mesh as ghost, outline or beside; x, y or z to cut across.
+        explode: how far parts are moved apart, 0 to 4.
+        up: which axis points up.
+        azimuth: degrees around the model, 0 from the front.
+        elevation: degrees above the horizon.
+        device: auto, cpu or cuda:0.
+    """
+    from resfit.viewer.show import Request, open_window, save_screenshot
+
+    request = Request(
+        paths=assemblies,
+        target=target,
+        save_path=output,
+        exports=export,
+        show=[name.strip() for name in show.split(",") if name.strip()],
+        explode=explode,
+        up=up,
+        azimuth=azimuth,
+        elevation=elevation,
+        size=None if size is None else read_size(size),
+        device=device,
+    )
+    if screenshot is None:
+        open_window(request)
+    else:
+        save_screenshot(request, screenshot)
+    return 0
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """Width and height of text such as 1280x800.
+
+    Raises:
+        InputError: if it is not that.
+    """
+    found = re.fullmatch(r"(\d{1,5})[x×*,](\d{1,5})", text.strip().lower())
+    if found is None:
+        raise InputError(f"--size {text} is no size; give width and height such as 1280x800.")
+    return int(found[1]), int(found[2])

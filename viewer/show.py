@@ -1,0 +1,151 @@
+"""What `resfit view` does: open assemblies, and show them in a window or in one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from resfit.errors import InputError
+
+from .camera import OrbitCamera
+from .comparison import Comparison
+from .documents import Document, open_documents
+from .edits import EditSession
+from .probe import DisplayError, finish_probe, has_display, prepare, require, start_probe
+from .screenshot import check_picture, render_picture, write_picture
+from .view import COMPARING, TOGGLES, View
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to show, and how at first."""
+
+    paths: Sequence[Path]
+    target: Path | None = None
+    save_path: Path | None = None
+    exports: Sequence[Path] = ()
+    show: Sequence[str] = ()
+    """Names of `show_names`."""
+    explode: float = 0.0
+    up: Literal["y", "z"] = "y"
+    azimuth: float = OrbitCamera.azimuth
+    elevation: float = OrbitCamera.elevation
+    size: tuple[int, int] | None = None
+    """Width and height, pixels."""
+    device: str = "auto"
+
+
+def show_names() -> list[str]:
+    """What may be asked to be shown: switches, modes of the input mesh, axes of sections."""
+    switches = [name for name in TOGGLES if name not in ("mesh", "section", "explode")]
+    return [*switches, "ghost", "outline", "beside", "x", "y", "z"]
+
+
+def first_view(request: Request, camera: OrbitCamera) -> View:
+    """How a request wants things shown.
+
+    Raises:
+        InputError: if it asks for something that there is not.
+    """
+    changes: dict[str, Any] = {"explode": request.explode, "across": camera.across()}
+    for name in request.show:
+        if name in ("ghost", "outline", "beside"):
+            changes["mesh"] = name
+        elif name in ("x", "y", "z"):
+            changes["section"] = name
+        elif name in show_names():
+            changes[name] = True
+        else:
+            raise InputError(f"--show {name}: there is no such thing; choose from {', '.join(show_names())}.")
+    if not 0.0 <= request.explode <= 4.0:
+        raise InputError(f"--explode {request.explode:g} is out of range; it must lie in [0, 4].")
+    return replace(View(), **changes)
+
+
+def open_session(
+    request: Request,
+) -> tuple[list[Document], EditSession, list[Comparison | None]]:
+    """Read everything that a request names; the same mesh is read once.
+
+    Raises:
+        InputError: if something cannot be read.
+    """
+    documents = open_documents(list(request.paths), request.target)
+    loaded = {
+        document.mesh: Comparison(document.mesh, request.device)
+        for document in documents
+        if document.mesh is not None
+    }
+    comparisons = [None if document.mesh is None else loaded[document.mesh] for document in documents]
+    return documents, EditSession([document.assembly for document in documents]), comparisons
+
+
+def save_screenshot(request: Request, path: Path) -> None:
+    """Write one picture of what is asked for; needs no screen.
+
+    Raises:
+        InputError: if something cannot be read or written.
+        DisplayError: if nothing can be drawn here.
+    """
+    size = request.size or (1280, 800)
+    check_picture(path, size)
+    camera = _camera(request)
+    view = first_view(request, camera)
+    probe = start_probe(off_screen=True)
+    try:
+        _, session, comparisons = open_session(request)
+        _check_compared(view, comparisons)
+    finally:
+        # While files are read; a child that is still at it must not outlive us.
+        answer = finish_probe(probe)
+    require(answer)
+    write_picture(render_picture(session, comparisons, view, camera, size, request.device), path)
+
+
+def open_window(request: Request) -> None:
+    """Show what is asked for until the window is closed.
+
+    Raises:
+        InputError: if something cannot be read.
+        DisplayError: if there is no screen, or nothing can be drawn on it.
+    """
+    camera = _camera(request)
+    view = first_view(request, camera)
+    open_documents(list(request.paths), request.target)
+    if not has_display():
+        raise DisplayError(
+            "there is no screen to open a window on; write a picture with --screenshot FILE, or use --web."
+        )
+    probe = start_probe(off_screen=False)
+    try:
+        documents, session, comparisons = open_session(request)
+        _check_compared(view, comparisons)
+    finally:
+        answer = finish_probe(probe)
+    require(answer)
+    prepare(off_screen=False)
+    from .controller import Controller
+    from .desktop import SIZE, Desktop
+    from .scene import Scene
+    from .stage import make_plotter
+
+    plotter = make_plotter(request.size or SIZE, off_screen=False, title=f"resfit · {documents[0].title}")
+    scene = Scene(plotter, session, comparisons, view, camera, request.device)
+    Desktop(Controller(scene, documents, request.save_path, request.exports)).run()
+
+
+def _camera(request: Request) -> OrbitCamera:
+    if not abs(request.elevation) < 90.0:
+        raise InputError(f"--elevation {request.elevation:g} is out of range; it must be within -90 to 90.")
+    return OrbitCamera(request.up, request.azimuth, request.elevation)
+
+
+def _check_compared(view: View, comparisons: Sequence[Comparison | None]) -> None:
+    if any(comparisons):
+        return
+    defaults = {field.name: field.default for field in fields(View)}
+    for name in COMPARING:
+        if getattr(view, name) != defaults[name]:
+            raise InputError(f"{name} needs the input mesh, and none was found; give it with --target MESH.")
