@@ -9,43 +9,61 @@ const vector = values => `vec${values.length}(${values.map(decimal).join(', ')})
 // Names of files may hold anything; in a comment they may not end the line.
 const remark = text => text.replace(/[^\x20-\x7e]|\\/g, '?');
 
-// One line a part. Those too far away to matter are skipped: a sphere tells, and the result is the same.
-function joinLine(part, sphere, slack) {
+// Rows of seven vectors in a table and one loop: a line of code for each part would take minutes to compile.
+const ROW = 7;
+
+function tableRow(part, families) {
   const shape = FAMILIES[part.family].parameters.flatMap(entry => part.parameters[entry.name]);
   while (shape.length < 8) shape.push(0);
-  const [w, x, y, z] = part.rotation;
-  return `  if (near(p, ${vector([...sphere.centre, sphere.radius])}, ${decimal(slack)}, d, ${decimal(part.blend)})) // ${remark(part.name)}
-    join(d, c, sdf_${part.family}(to_part(p - ${vector(part.translation)}, ${vector([x, y, z, w])}),
-      float[8](${shape.map(decimal).join(', ')})), ${vector(linear(part.color))}, ${decimal(part.blend)});`;
+  const [w, x, y, z] = part.rotation, {centre, radius} = sphere(part);
+  const columns = [
+    [...part.translation, part.blend], [x, y, z, w], shape.slice(0, 4), shape.slice(4),
+    [...centre, radius], [...linear(part.color), 0], [families.indexOf(part.family), stepping(part).slack, 0, 0],
+  ];
+  return columns.map(vector).join(', ');
 }
 
 function assemblyGlsl() {
   const parts = model.visible(), used = FAMILY_NAMES.filter(name => parts.some(part => part.family === name));
-  const steps = parts.map(stepping);
-  const lines = parts.map((part, i) => joinLine(part, sphere(part), steps[i].slack));
+  const rows = parts.map((part, i) => `  ${tableRow(part, used)}${i < parts.length - 1 ? ',' : ''} // ${remark(part.name)}`);
+  const cases = used.map((name, i) => `  if (family == ${i}) return sdf_${name}(p, s);`);
+  const steep = parts.map(stepping).some(step => step.arc > 0 || step.factor < 1);
   return `// Signed distance of an assembly in its normalised frame, negative inside. GLSL ES 3.00, highp floats.
 // mesh = ${model.transform.scale} * normalised + (${model.transform.translation.join(', ')})
 // On Shadertoy: paste all of this into Image; drag to orbit. Elsewhere: take all above mainImage and call map(p).
 ${used.map(name => FAMILIES[name].glsl.trim()).join('\n')}
-vec3 to_part(vec3 v, vec4 q) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) - q.w * v); }
-// Whether a part in a sphere can change the union, which is d so far.
-bool near(vec3 p, vec4 ball, float slack, float d, float blend) {
-  return slack * (length(p - ball.xyz) - ball.w) <= max(d + blend, 0.0);
+float family_distance(int family, vec3 p, float s[8]) {
+${cases.join('\n')}
+  return 1e30;
 }
-// Smooth union of d with a part at distance f, and its colour.
-void join(inout float d, inout vec3 c, float f, vec3 colour, float blend) {
-  c = mix(colour, c, clamp(0.5 + (f - d) * 0.5 / max(blend, 1e-12), 0.0, 1.0));
-  float close = max(blend - abs(d - f), 0.0);
-  d = min(d, f) - close * close * 0.25 / max(blend, 1e-12);
+// A row: centre and blend; rotation (x, y, z, w), local to world; shape, twice; bounding sphere; colour; family, slack.
+const int PARTS = ${parts.length};
+const vec4 TABLE[${Math.max(1, ROW * parts.length)}] = vec4[](
+${rows.join('\n') || '  vec4(0.0)'}
+);
+float part_distance(int row, vec3 p) {
+  vec4 q = TABLE[row + 1], a = TABLE[row + 2], b = TABLE[row + 3];
+  vec3 v = p - TABLE[row].xyz;
+  v += 2.0 * cross(q.xyz, cross(q.xyz, v) - q.w * v);
+  return family_distance(int(TABLE[row + 6].x), v, float[8](a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w));
 }
+// The smooth union of all parts in their order, and its colour.
 float assembly(vec3 p, out vec3 c) {
   float d = 1e30;
   c = vec3(0.5);
-${lines.join('\n')}
+  for (int i = 0; i < PARTS; i++) {
+    vec4 ball = TABLE[${ROW} * i + 4];
+    float blend = TABLE[${ROW} * i].w;
+    // Too far away to change anything: the result is the same without it.
+    if (TABLE[${ROW} * i + 6].y * (length(p - ball.xyz) - ball.w) > max(d + blend, 0.0)) continue;
+    float f = part_distance(${ROW} * i, p), near = max(blend - abs(d - f), 0.0);
+    c = mix(TABLE[${ROW} * i + 5].rgb, c, clamp(0.5 + (f - d) * 0.5 / max(blend, 1e-12), 0.0, 1.0));
+    d = min(d, f) - near * near * 0.25 / max(blend, 1e-12);
+  }
   return d;
 }
 float map(vec3 p) { vec3 unused; return assembly(p, unused); }
-${mainImage(steps.some(step => step.arc > 0 || step.factor < 1))}`;
+${mainImage(steep)}`;
 }
 
 // A small picture of its own, from where the page's camera stands.
@@ -56,8 +74,13 @@ vec3 turned(vec3 v, vec3 axis, float angle) {
   return v * cos(angle) + cross(axis, v) * sin(angle) + axis * dot(axis, v) * (1.0 - cos(angle));
 }
 vec3 normal_at(vec3 p) {
-  vec2 e = vec2(1.0, -1.0) * 5e-4;
-  return normalize(e.xyy * map(p + e.xyy) + e.yyx * map(p + e.yyx) + e.yxy * map(p + e.yxy) + e.xxx * map(p + e.xxx));
+  vec3 sum = vec3(0.0);
+  // A loop whose end the compiler does not know, so that it makes no four copies of all parts.
+  for (int i = min(iFrame, 0); i < 4; i++) {
+    vec3 corner = vec3((i & 1) == 0 ? -1.0 : 1.0, (i & 2) == 0 ? -1.0 : 1.0, i == 0 || i == 3 ? 1.0 : -1.0);
+    sum += corner * map(p + 5e-4 * corner);
+  }
+  return normalize(sum);
 }
 float shadow_at(vec3 p, vec3 towards) {
   float light = 1.0, t = 0.01;

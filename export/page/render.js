@@ -130,7 +130,9 @@ function makeRenderer(canvas, camera) {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     overlay.draw(camera.view(), width / height, 'side', darkness.matches);
     besideShown = moved;
-    copy(beside, 0, canvas.height - whole.height, whole.width, whole.height, null, gl.LINEAR);
+    // Of an odd number of pixels it has one more than the other.
+    const low = whole.left ? 0 : whole.height;
+    copy(beside, 0, low, whole.left || canvas.width, canvas.height - low, null, gl.LINEAR);
   }
 
   function frame() {
