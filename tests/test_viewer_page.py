@@ -226,7 +226,7 @@ def test_download_loads_with_the_same_field(
     primitives = (*assembly.primitives[:2], replace(part, pose=pose, blend=0.1), *assembly.primitives[3:])
     expected = replace(assembly, primitives=primitives)
     np.testing.assert_allclose(downloaded().sdf(points, "cpu"), expected.sdf(points, "cpu"), atol=1e-5)
-    above = page.evaluate("viewer.glsl()").partition("void mainImage")[0]
+    above = page.evaluate("viewer.glsl()").partition("// ---- Shadertoy")[0]
     source = above + "float sdf_whole(vec3 p, float s[8]) { return map(p); }"
     normalised = (points - np.array(assembly.transform.translation)) / assembly.transform.scale
     padded = np.concatenate([normalised, np.zeros((500, 1))], axis=1)

@@ -30,7 +30,7 @@ function assemblyGlsl() {
   const steep = parts.map(stepping).some(step => step.arc > 0 || step.factor < 1);
   return `// Signed distance of an assembly in its normalised frame, negative inside. GLSL ES 3.00, highp floats.
 // mesh = ${model.transform.scale} * normalised + (${model.transform.translation.join(', ')})
-// On Shadertoy: paste all of this into Image; drag to orbit. Elsewhere: take all above mainImage and call map(p).
+// On Shadertoy: paste all of this into Image; drag to orbit. Elsewhere: take what is above the line of Shadertoy.
 ${used.map(name => FAMILIES[name].glsl.trim()).join('\n')}
 float family_distance(int family, vec3 p, float s[8]) {
 ${cases.join('\n')}
@@ -70,6 +70,7 @@ ${mainImage(steep)}`;
 function mainImage(steep) {
   const {right, upward, forward, vertical, key, slope} = camera.view();
   return `
+// ---- Shadertoy: a picture of map(), from where the page's camera stood ----
 vec3 turned(vec3 v, vec3 axis, float angle) {
   return v * cos(angle) + cross(axis, v) * sin(angle) + axis * dot(axis, v) * (1.0 - cos(angle));
 }
