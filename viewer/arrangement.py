@@ -10,14 +10,17 @@ import numpy as np
 from ..assembly.assembly import Assembly
 from ..assembly.primitive import Pose, Vector
 from ..assembly.transform import Transform
-from ..kernels.bounds import assembly_bounds
+from ..kernels.bounds import primitive_bounds
 from .comparison import Comparison
 from .edits import EditSession
 from .poses import to_vector
 from .view import View
 
-GAP = 0.18
+GAP = 0.08
 """Between things that stand side by side, scene units."""
+
+Box = tuple[np.ndarray, np.ndarray]
+"""Lowest and highest corner, (3,) each."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,6 @@ class Arrangement:
     lower: np.ndarray
     upper: np.ndarray
     """Corners (3,) of a box around all, offsets left out."""
-    extent: tuple[np.ndarray, np.ndarray]
-    """The same with them."""
 
     def plane(self, view: View) -> tuple[int, float]:
         """Axis and coordinate of the plane of sections and slices, offsets left out."""
@@ -62,7 +63,7 @@ def arrange(session: EditSession, view: View, comparisons: Sequence[Comparison |
     base = session.state.assemblies[0].transform
     seen: list[Comparison] = []
     placed: list[Placed] = []
-    boxes: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    boxes: list[Box] = []
     edge: float | None = None
     for item, (whole, comparison) in enumerate(zip(session.state.assemblies, comparisons, strict=True)):
         matrix = between(whole.transform, base)
@@ -71,27 +72,22 @@ def arrange(session: EditSession, view: View, comparisons: Sequence[Comparison |
         offset, shows = np.zeros(3), comparison is not None and comparison not in seen
         if comparison is not None and shows:
             seen.append(comparison)
-            corners = mesh_matrix[0, 0] * comparison.surface[0] + mesh_matrix[:3, 3]
-            mesh_box = corners.min(axis=0), corners.max(axis=0)
+            mesh_box = _in_scene(comparison.box, mesh_matrix)
             mesh_offset = np.zeros(3)
             if view.mesh == "beside":
                 edge = _after(edge, mesh_box, mesh_offset, view.across)
-            boxes.append((*mesh_box, mesh_offset))
+            boxes.append(mesh_box)
             mesh_matrix = _moved(mesh_matrix, mesh_offset)
         if view.mesh == "beside":
             edge = _after(edge, box, offset, view.across)
-        boxes.append((*box, offset))
+        boxes.append(box)
         drawn = exploded(session.shown_assembly(item), view.explode)
         placed.append(
             Placed(item, drawn, whole, _moved(matrix, offset), offset, comparison, mesh_matrix, shows)
         )
-    lower = np.min([low for low, _, _ in boxes], axis=0)
-    upper = np.max([high for _, high, _ in boxes], axis=0)
-    extent = (
-        np.min([low + offset for low, _, offset in boxes], axis=0),
-        np.max([high + offset for _, high, offset in boxes], axis=0),
-    )
-    return Arrangement(tuple(placed), lower, upper, extent)
+    lower = np.min([low for low, _ in boxes], axis=0)
+    upper = np.max([high for _, high in boxes], axis=0)
+    return Arrangement(tuple(placed), lower, upper)
 
 
 def exploded(assembly: Assembly, explode: float) -> Assembly:
@@ -116,16 +112,18 @@ def between(source: Transform, base: Transform) -> np.ndarray:
     return matrix
 
 
-def _box(assembly: Assembly, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    low, high = (
-        assembly_bounds(assembly.on_device("cpu")) if assembly.primitives else (-np.ones(3), np.ones(3))
-    )
-    return matrix[0, 0] * low + matrix[:3, 3], matrix[0, 0] * high + matrix[:3, 3]
+def _box(assembly: Assembly, matrix: np.ndarray) -> Box:
+    if not assembly.primitives:
+        return _in_scene((-np.ones(3), np.ones(3)), matrix)
+    boxes = primitive_bounds(assembly.on_device("cpu"))
+    return _in_scene((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)), matrix)
 
 
-def _after(
-    edge: float | None, box: tuple[np.ndarray, np.ndarray], offset: np.ndarray, across: Vector
-) -> float:
+def _in_scene(box: Box, matrix: np.ndarray) -> Box:
+    return matrix[0, 0] * box[0] + matrix[:3, 3], matrix[0, 0] * box[1] + matrix[:3, 3]
+
+
+def _after(edge: float | None, box: Box, offset: np.ndarray, across: Vector) -> float:
     """Set `offset` so that the box begins behind `edge` along `across`, and return its own edge."""
     middle = float(np.dot(across, 0.5 * (box[0] + box[1])))
     half = float(np.dot(np.abs(across), 0.5 * (box[1] - box[0])))

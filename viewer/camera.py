@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..assembly.primitive import Vector
-from ..kernels.camera import UP_AXES, Camera, frame_bounds
+from ..kernels.camera import UP_AXES, Camera
 from .poses import to_vector
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ STEEPEST = 88.0
 
 NEAREST, FARTHEST = 0.05, 400.0
 """Distances that can be zoomed to, scene units."""
+
+MARGIN = 1.12
+"""How much farther away than needed the camera stands, to leave room around things."""
 
 
 @dataclass
@@ -57,13 +60,20 @@ class OrbitCamera:
         towards = forward + slope * ((x - 0.5 * size[0]) * right + (y - 0.5 * size[1]) * upward)
         return np.asarray(view.position), towards / np.linalg.norm(towards)
 
-    def frame(self, lower: np.ndarray, upper: np.ndarray, aspect: float) -> None:
-        """See all of a box with corners (3,) each, in a picture `aspect` times as wide as high."""
-        camera = frame_bounds(
-            lower, upper, self.up, self.azimuth, self.elevation, max(aspect, 0.1), self.field_of_view
-        )
-        self.target = np.asarray(camera.target)
-        self.distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+    def frame(self, points: np.ndarray, aspect: float) -> None:
+        """See all of some points (n, 3), n > 0, in a picture `aspect` times as wide as high."""
+        self.target = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        slope = math.tan(math.radians(0.5 * self.field_of_view))
+        slopes = np.array([slope * max(aspect, 0.1), slope])
+        axes = self.view().axes
+        for _ in range(3):
+            # The middle of what is seen goes to the middle of the picture, which changes what is nearest.
+            place = (points - self.target) @ axes.T
+            self.distance = max(1e-3, float((np.abs(place[:, :2]) / slopes - place[:, 2:]).max()))
+            seen = place[:, :2] / (place[:, 2:] + self.distance)
+            middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0)) * self.distance
+            self.target = self.target + middle @ axes[:2]
+        self.distance *= MARGIN
 
     def orbit(self, across: float, up: float) -> None:
         """Go around the target; pixels that the pointer moved to the right and upwards."""

@@ -66,6 +66,11 @@ class Comparison:
         return self.transform.to_normalised(self.mesh.vertices), self.mesh.faces
 
     @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner (3,) of the mesh, its normalised frame."""
+        return self.surface[0].min(axis=0), self.surface[0].max(axis=0)
+
+    @cached_property
     def fine_surface(self) -> Surface:
         """The same with large faces divided, for values at its vertices."""
         from trimesh.remesh import subdivide

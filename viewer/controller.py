@@ -316,7 +316,7 @@ class Controller:
             raise InputError("there is no input mesh to compare with; give one with --target.")
         before = self.scene.view
         self.scene.view = view = switched(before, name, self.scene.camera.across())
-        if "beside" in (before.mesh, view.mesh) and before.mesh != view.mesh:
+        if name == "explode" or ("beside" in (before.mesh, view.mesh) and before.mesh != view.mesh):
             self.scene.sync()
             self.scene.frame()
         if name == "mesh":

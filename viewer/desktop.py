@@ -13,6 +13,7 @@ import numpy as np
 
 from .arrangement import Placed
 from .controller import Controller
+from .edits import PartRef
 from .gizmo import Gizmo, Handle, Ray, dragged
 from .panel import Panel
 from .panel_layout import WIDTH, Spot, lay_out, list_rows, slider_value
@@ -63,6 +64,7 @@ class Desktop:
         self.gizmo = Gizmo(self.plotter, GIZMO_LAYER)
         self.panel = Panel(self.plotter, PANEL_LAYER)
         self.scroll = 0
+        self._listed: PartRef | None = None
         self._pending: Callable[[], None] | None = None
         self._press: tuple[int, int] | None = None
         self._last = (0, 0)
@@ -79,9 +81,9 @@ class Desktop:
     def run(self) -> None:
         """Show the window until it is closed."""
         self.plotter.show(interactive=False, auto_close=False)
+        self._take_over()
         self.resize()
         self.scene.frame()
-        self.redraw()
         self.tick()
         self.interactor.CreateRepeatingTimer(TICK)
         self.interactor.Start()
@@ -120,11 +122,22 @@ class Desktop:
         width, height = self.window.GetSize()
         self.scene.look()
         self.gizmo.place(self._part_matrix() if self.controller.gizmo else None, self.scene.camera)
-        self.panel.paint(lay_out(self.controller, width, height, self.scroll))
+        self.panel.paint(lay_out(self.controller, width, height, self._scrolled(width, height)))
         # With a GPU smoothing costs nothing; without one it waits until all is still.
         self._smooth = fine or not is_software(self.plotter)
         smooth(self.plotter, self._smooth)
         self.window.Render()
+
+    def _scrolled(self, width: int, height: int) -> int:
+        """Where the list begins: a part that was just selected is in it."""
+        selected = self.controller.session.selected
+        if selected != self._listed:
+            self._listed = selected
+            rows = list_rows(lay_out(self.controller, width, height, self.scroll))
+            if selected is not None and rows:
+                at = self.controller.session.refs().index(selected)
+                self.scroll = min(max(self.scroll, at - rows + 1), at)
+        return self.scroll
 
     def _part_matrix(self) -> np.ndarray | None:
         """(4, 4), local frame of the selected part to the scene's, as it is drawn."""
@@ -137,11 +150,7 @@ class Desktop:
     # Events
 
     def _observe(self) -> None:
-        from vtkmodules.vtkInteractionStyle import vtkInteractorStyleUser
-
-        # Its own keys and drags would come on top of ours.
-        self.interactor.SetInteractorStyle(vtkInteractorStyleUser())
-        self.interactor.EnableRenderOff()
+        self._take_over()
         for event, handler in {
             "LeftButtonPressEvent": lambda: self._button(self._orbit),
             "RightButtonPressEvent": lambda: self._button(self._pan),
@@ -160,6 +169,11 @@ class Desktop:
             self.interactor.AddObserver(event, _calling(handler), FIRST)
         self.window.AddObserver("WindowResizeEvent", _calling(self.resize))
         self.resize()
+
+    def _take_over(self) -> None:
+        """Switch off what VTK and PyVista do with keys and drags: it would come on top of ours."""
+        self.interactor.SetInteractorStyle(None)
+        self.interactor.EnableRenderOff()
 
     def _button(self, mode: Callable[[int, int], None]) -> None:
         x, y = self.interactor.GetEventPosition()
@@ -270,14 +284,6 @@ class Desktop:
         elif code.isprintable() and code not in ("", "\0"):
             key = code
         self.controller.press(key)
-        self._follow_selection()
-
-    def _follow_selection(self) -> None:
-        """Scroll the list so that the selected part is in it."""
-        selected, rows = self.controller.session.selected, list_rows(self.panel.drawing)
-        if selected is not None and rows:
-            at = self.controller.session.refs().index(selected)
-            self.scroll = min(max(self.scroll, at - rows + 1), at)
 
     def _spot(self, x: int, y: int) -> Spot | None:
         return self.panel.drawing.at(x, self.window.GetSize()[1] - 1 - y)

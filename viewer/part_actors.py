@@ -108,6 +108,15 @@ class PartActors:
         shown = [part.body for part in self.parts.values()]
         return [*shown, *(joined.body for joined in self.joined.values())]
 
+    def points(self) -> np.ndarray:
+        """All vertices (n, 3) of what is there, scene's frame."""
+        found = [np.zeros((0, 3))]
+        for part in self.parts.values():
+            if part.poly.n_points:
+                matrix = part.body.user_matrix
+                found.append(np.asarray(part.poly.points) @ matrix[:3, :3].T + matrix[:3, 3])
+        return np.concatenate(found)
+
     def of_item(self, item: int) -> list[Any]:
         """All actors of one assembly."""
         actors = [
@@ -138,9 +147,8 @@ class PartActors:
         drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual and not selected else 1.0
         drawn.edges.prop.color = ACCENT if selected else INK
         drawn.edges.prop.line_width = 3.0 if selected else 1.2
-        self._show(
-            drawn, not view.joined, (view.edges and not view.wireframe and not view.joined) or selected
-        )
+        lined = view.edges and not (view.wireframe or view.joined or view.error)
+        self._show(drawn, not (view.joined or view.error), lined or selected)
 
     def _sync_joined(self, placed: Placed, view: View, live: bool) -> None:
         if not view.joined:

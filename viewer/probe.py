@@ -25,6 +25,7 @@ CODE = """
 import pyvista
 plotter = pyvista.Plotter(off_screen={off_screen}, window_size=(64, 64))
 plotter.add_mesh(pyvista.Sphere())
+plotter.show(interactive=False, auto_close=False)
 image = plotter.screenshot(return_img=True)
 assert image.std() > 1.0, "the picture is empty"
 print("VTK", ".".join(map(str, pyvista.vtk_version_info)))

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from .arrangement import Arrangement, arrange
 from .camera import OrbitCamera
 from .comparison import Comparison
@@ -79,8 +81,22 @@ class Scene:
         width, height = self.plotter.renderer.GetSize()
         if not (width and height):
             width, height = self.plotter.window_size
-        self.camera.frame(*self.arrangement.extent, width / height)
+        self.camera.frame(self._points(), width / height)
         self.look()
+
+    def _points(self) -> np.ndarray:
+        """What is to be seen, (n, 3)."""
+        points = [self.parts.points()]
+        for placed in self.arrangement.placed:
+            if (
+                placed.comparison is not None
+                and placed.shows_mesh
+                and (self.view.mesh != "off" or self.view.error)
+            ):
+                vertices = placed.comparison.surface[0]
+                points.append(vertices @ placed.mesh_matrix[:3, :3].T + placed.mesh_matrix[:3, 3])
+        found = np.concatenate(points)
+        return found if len(found) else np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 
     def pick(self, x: float, y: float) -> PartRef | None:
         """The part at a pixel of the window, counted from its lower left corner."""

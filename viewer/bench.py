@@ -1,0 +1,151 @@
+"""How long an edit takes to show: model, surface and picture, apart. `resfit bench view` prints it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..assembly.assembly import Assembly
+from ..assembly.colors import palette_color
+from ..assembly.primitive import Pose, Primitive
+from ..kernels.launch import core_count
+from .edits import EditSession
+from .poses import to_quaternion, to_vector
+from .probe import probe_rendering, require
+from .scene import Scene
+from .stage import make_plotter, smooth
+
+PARTS, EDITS = 30, 60
+SIZE = (1030, 860)
+"""Pixels: what the panel leaves of the usual window."""
+
+
+@dataclass(frozen=True)
+class ViewTimes:
+    """Milliseconds an edit, medians; while a slider is dragged, and once it is let go."""
+
+    parts: int
+    edits: int
+    model: float
+    """From the slider's value to the new assembly."""
+    surface: float
+    """Meshing what the edit touches, coarse while it is dragged."""
+    picture: float
+    """Drawing the window."""
+    total: float
+    slowest: float
+    """95th percentile of the whole."""
+    joined_total: float
+    """The same with the smooth union as one surface."""
+    settled: float
+    """After the drag: the fine surface and a picture, edges not smoothed."""
+    size: tuple[int, int]
+    renderer: str
+    cores: int
+
+
+def measure_view(parts: int = PARTS, edits: int = EDITS, device: str = "auto") -> ViewTimes:
+    """Drag sliders of an assembly off-screen, and time it.
+
+    Args:
+        parts: how many it has.
+        edits: how many values are set.
+        device: `auto`, `cpu`, `cuda:0`.
+
+    Raises:
+        DisplayError: if nothing can be drawn here.
+    """
+    require(probe_rendering())
+    plotter = make_plotter(SIZE, off_screen=True)
+    try:
+        session = EditSession([random_assembly(parts)])
+        scene = Scene(plotter, session, device=device)
+        smooth(plotter, False)
+        # Kernels, shaders and the window itself are made in the first pictures.
+        _drag(scene, 3, offset=0)
+        alone = _drag(scene, edits, offset=1)
+        settled = []
+        for _ in range(5):
+            _edit(scene, 0, 0.2)
+            begin = time.perf_counter()
+            scene.sync()
+            plotter.render_window.Render()
+            settled.append(time.perf_counter() - begin)
+        scene.view = type(scene.view)(joined=True)
+        _drag(scene, 3, offset=0)
+        joined = _drag(scene, max(8, edits // 4), offset=2)
+        text = plotter.render_window.ReportCapabilities()
+        renderer = next((line for line in text.splitlines() if "renderer string" in line), ": unknown")
+    finally:
+        plotter.close()
+    model, surface, picture = (1e3 * float(np.median(column)) for column in alone.T)
+    totals = 1e3 * alone.sum(axis=1)
+    return ViewTimes(
+        parts, edits, model, surface, picture, float(np.median(totals)), float(np.percentile(totals, 95)),
+        1e3 * float(np.median(joined.sum(axis=1))), 1e3 * float(np.median(settled)), SIZE,
+        renderer.partition(":")[2].strip(), core_count(),
+    )  # fmt: skip
+
+
+def describe(times: ViewTimes) -> str:
+    """The times as a few lines of text."""
+    return (
+        f"An edit of one of {times.parts} parts, median of {times.edits} [ms]\n"
+        f"  model      {times.model:8.2f}\n"
+        f"  surface    {times.surface:8.2f}\n"
+        f"  picture    {times.picture:8.2f}   {times.size[0]} x {times.size[1]}\n"
+        f"  total      {times.total:8.2f}   95th percentile {times.slowest:.1f}\n"
+        f"  let go     {times.settled:8.2f}   fine surface and picture\n"
+        f"  joined     {times.joined_total:8.2f}   total, the union as one surface\n"
+        f"on {times.cores} cores, drawn by {times.renderer}\n"
+    )
+
+
+def as_dict(times: ViewTimes) -> dict[str, Any]:
+    """For JSON."""
+    return asdict(times)
+
+
+def random_assembly(parts: int, seed: int = 0) -> Assembly:
+    """An assembly of SuperFrusta of all kinds, the same for equal seeds."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for index in range(parts):
+        values = {
+            "size": to_vector(rng.uniform(0.12, 0.5, 3)), "roundness": float(rng.choice([0.0, 0.4, 1.0])),
+            "dilation": float(rng.uniform(0.0, 0.03)), "taper": float(rng.uniform(0.5, 1.2)),
+            "bulge": float(rng.choice([0.0, 0.0, 0.3])), "onion": float(rng.choice([-1.0, -1.0, 0.3])),
+        }  # fmt: skip
+        pose = Pose(
+            to_vector(rng.uniform(-0.65, 0.65, 3)), to_quaternion(to_vector(rng.uniform(-180, 180, 3)))
+        )
+        blend = float(rng.choice([0.0, 0.04]))
+        made.append(Primitive("superfrustum", f"part_{index:02d}", pose, values, blend, palette_color(index)))
+    return Assembly(tuple(made))
+
+
+def _edit(scene: Scene, index: int, share: float) -> None:
+    refs = scene.session.refs()
+    ref = refs[index % len(refs)]
+    sliders = [slider for slider in scene.session.sliders(ref) if slider.group == "Shape"]
+    slider = sliders[index % len(sliders)]
+    # Within the range, and never a value that was there before: its surface would be kept.
+    low, high = slider.range
+    scene.session.set_value(ref, slider.id, low + (0.15 + 0.5 * share) * (high - low))
+
+
+def _drag(scene: Scene, edits: int, offset: int) -> np.ndarray:
+    """Seconds (edits, 3) for model, surface and picture."""
+    rows = []
+    for k in range(edits):
+        begin = time.perf_counter()
+        _edit(scene, 7 * k, (0.618 * (k + 0.37 * offset)) % 1.0)
+        changed = time.perf_counter()
+        scene.sync(live=True)
+        meshed = time.perf_counter()
+        scene.plotter.render_window.Render()
+        rows.append((changed - begin, meshed - changed, time.perf_counter() - meshed))
+    return np.array(rows)
