@@ -16,6 +16,7 @@ from ..kernels.normal_equations import normal_equations_at, partial_systems
 from ..kernels.owned_points import OwnedPoints
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.primitives import family
+from ..kernels.replay import Replay
 from ..kernels.rows import SHAPE, SHAPES
 from ..kernels.steps import Damping, advance, judge_alone, rows_of, step_state
 
@@ -70,9 +71,15 @@ def levenberg(
     state = step_state(rows, ranges.low, ranges.high, device)
     partial = partial_systems(points, device)
     sharpness = wp.array(np.asarray(betas, np.float32), dtype=float, device=device)
-    for _ in range(iterations + 1):
-        # The first time round the trial is the start itself.
+
+    def step() -> None:
         normal_equations_at(trial, points, sharpness, partial, state.trial_systems)
         judge_alone(state, count, OWN_DAMPING)
         advance(state, trial)
+
+    # The first time round the trial is the start itself; it loads the kernels, so that a GPU may capture the others.
+    step()
+    run = Replay(step, device)
+    for _ in range(iterations):
+        run()
     return rows_of(state), state.loss.numpy().copy()

@@ -66,7 +66,7 @@ class Fit(Workbench):
         start_rows: np.ndarray | None = None,
     ):
         super().__init__(target, config, device, on_progress, should_stop, start_rows)
-        self.memory = CandidateMemory()
+        self.memory = CandidateMemory(self.inside)
         self.slabs = config.excursions == 0
         """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
         offer, a greedy choice takes them and never gets to what they are made of."""
@@ -189,16 +189,15 @@ class Fit(Workbench):
             return
         self.tell("propose", number, 0.15)
         with self.timed("propose"):
-            candidates = self.propose(regions, number)
-            if others is not None:
-                candidates = np.concatenate([others, candidates])
+            remembered = self.propose(regions, number)
+            candidates = remembered if others is None else np.concatenate([others, remembered])
             candidates[:, BLEND] = starting_blends(candidates) if config.union == "smooth" else 0.0
             pool = np.concatenate([self.rows, candidates])
         if self.should_stop():
             return
         self.tell("select", number, 0.5)
         with self.timed("select"):
-            chosen = self.choose(pool, false_volume)
+            chosen = self.choose(pool, len(remembered), false_volume)
         if not chosen:
             return
         self.tell("refine", number, 0.6)
@@ -208,7 +207,7 @@ class Fit(Workbench):
         with self.timed("prune"):
             if config.union == "smooth":
                 refined = choose_blends(self.values(refined), refined, self.tally)
-            kept = refined[prune(self.values(refined) < 0, self.tally, self.alpha, self.device)]
+            kept = refined[prune(self.inside(refined), self.tally, self.alpha, self.device)]
             score = self.assess(kept)
         accepted = rich is not None or score.objective > self.score.objective
         self.rounds.append(
@@ -279,12 +278,15 @@ class Fit(Workbench):
         if score.objective > self.best_score.objective:
             self.best_rows, self.best_score, self.best_iou = self.rows, score, self.iou
 
-    def choose(self, pool: np.ndarray, false_volume: float) -> list[int]:
-        """Indices into the pool; the primitives so far come first in it and may be swapped out."""
+    def choose(self, pool: np.ndarray, remembered: int, false_volume: float) -> list[int]:
+        """Indices into the pool; the primitives so far come first in it and may be swapped out.
+
+        The last `remembered` of it are the memory's.
+        """
         if self.config.optimizer == "adam":
             # The paper seeds all regions of a decomposition and lets optimisation and pruning decide.
             return list(range(min(len(pool), self.config.max_primitives)))
-        bits = self.values(pool) < 0
+        bits = np.concatenate([self.inside(pool[: len(pool) - remembered]), self.memory.bits()])
         return select(
             bits,
             self.tally,
@@ -324,16 +326,16 @@ class Fit(Workbench):
         parts, a shell and its filling say, where one would do.
         """
         tries, settings = self.config.polish.merges, replace(self.config.sharpen, betas=MERGED)
-        moves = mergers(self.rows, self.memory.candidates(), self, tries)
+        moves = mergers(self.rows, self.memory, self, tries)
         while moves and tries and not self.should_stop():
             before, tries = self.score, tries - 1
             self.keep_if_better(self.refine(moves.pop(0), len(self.rounds), settings))
             if self.score is not before:
-                moves = mergers(self.rows, self.memory.candidates(), self, tries)
+                moves = mergers(self.rows, self.memory, self, tries)
 
     def keep_if_better(self, rows: np.ndarray) -> None:
         """Take rows, pruned, if they beat those so far."""
-        kept = rows[prune(self.values(rows) < 0, self.tally, self.alpha, self.device)]
+        kept = rows[prune(self.inside(rows), self.tally, self.alpha, self.device)]
         score = self.assess(kept)
         if score.objective > self.score.objective:
             self.rows, self.score = kept, score

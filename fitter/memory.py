@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
@@ -17,11 +19,14 @@ REMEMBERED = 600
 
 
 class CandidateMemory:
-    """Regions tried so far, with the candidates fitted to each."""
+    """Regions tried so far, with the candidates fitted to each and the sample points that those hold."""
 
-    def __init__(self) -> None:
+    def __init__(self, inside: Callable[[np.ndarray], np.ndarray]) -> None:
+        """`inside` says of rows (k, ROW) which samples each holds: (k, n) bool."""
+        self.inside = inside
         self.regions: list[Region] = []
         self.rows: list[np.ndarray] = []
+        self.held: list[np.ndarray] = []
         self.boxes = np.zeros((0, 7))
 
     def fit_new(
@@ -36,15 +41,22 @@ class CandidateMemory:
                 self.boxes = np.concatenate([self.boxes, _box(region)[None]])
         if new:
             fitted = fit_regions(new, grid, config.primitive, config.propose, seed, device)
+            held = self.inside(fitted.rows)
             self.rows += [fitted.rows[fitted.region == index] for index in range(len(new))]
+            self.held += [held[fitted.region == index] for index in range(len(new))]
         self.regions = self.regions[-REMEMBERED:]
         self.rows = self.rows[-REMEMBERED:]
+        self.held = self.held[-REMEMBERED:]
         self.boxes = self.boxes[-REMEMBERED:]
         return self.candidates()
 
     def candidates(self) -> np.ndarray:
         """All candidates remembered, (count, ROW) float32."""
         return np.concatenate(self.rows) if self.rows else np.zeros((0, ROW), np.float32)
+
+    def bits(self) -> np.ndarray:
+        """Which samples all candidates remembered hold, (count, n) bool."""
+        return np.concatenate([self.inside(np.zeros((0, ROW), np.float32)), *self.held])
 
     def _known(self, region: Region) -> bool:
         """Whether a region like it was tried; boxes and volumes rule most out without looking at cells."""

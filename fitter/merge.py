@@ -7,26 +7,28 @@ import numpy as np
 from ..kernels.rows import BLEND
 from .assess import sorted_by_volume
 from .chooser import Chooser
+from .memory import CandidateMemory
 from .workbench import Workbench
 
 WORST_LOSS = 0.03
 """Objective that a merger may lose before it is refined."""
 
 
-def mergers(rows: np.ndarray, candidates: np.ndarray, bench: Workbench, most: int) -> list[np.ndarray]:
+def mergers(rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: int) -> list[np.ndarray]:
     """The rows after each of the most promising mergers, unrefined, best first.
 
     Args:
         rows: (primitive_count, ROW), the parts.
-        candidates: (count, ROW), what may stand for two of them or more.
+        memory: the candidates that may stand for two of them or more.
         bench: the fit: its samples, price and device.
         most: mergers at most.
     """
     count = len(rows)
-    if count < 2 or not len(candidates):
+    if count < 2 or not memory.rows:
         return []
-    pool = np.concatenate([rows, candidates])
-    choice = Chooser(bench.values(pool) < 0, bench.tally, bench.alpha, bench.device)
+    pool = np.concatenate([rows, memory.candidates()])
+    bits = np.concatenate([bench.inside(rows), memory.bits()])
+    choice = Chooser(bits, bench.tally, bench.alpha, bench.device)
     for index in range(count):
         choice.add(index)
     absorbs = choice.absorbs()

@@ -11,7 +11,6 @@ captured once and replayed.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -22,6 +21,7 @@ from ..kernels.loss_rows import RowSorter
 from ..kernels.normal_equations import normal_equations_at, partial_systems
 from ..kernels.ownership import find_owners, ownership_arrays
 from ..kernels.primitive_set import PrimitiveSet
+from ..kernels.replay import Replay
 from ..kernels.steps import Damping, advance, judge_together, rows_of, step_state
 from ..kernels.union import FAR
 from .config import RefineConfig
@@ -118,7 +118,7 @@ class RefineStep:
         self.found = contributions(count, self.points)
         self.sorter = RowSorter(count, self.points, self.owners, self.found, config.overlap)
         self.partial = partial_systems(self.sorter.rows, device)
-        self.graph: Any = None
+        self.run = Replay(self.launch, device)
 
     def sharpen(self, beta: float) -> None:
         """Go on from the best so far with another sharpness, whose loss is not known yet."""
@@ -135,19 +135,9 @@ class RefineStep:
         """Of all points that are not left out."""
         find_owners(self.trial, self.points.blocks, self.points.bounds, self.betas, self.owners)
 
-    def run(self) -> None:
-        """One step. On a GPU the first is captured as a graph; `sharpen` has loaded the kernels before."""
-        if not self.device.is_cuda:
-            self.launch()
-            return
-        if self.graph is None:
-            with wp.ScopedCapture(self.device) as capture:
-                self.launch()
-            self.graph = capture.graph
-        wp.capture_launch(self.graph)
-
     def launch(self) -> None:
-        """Evaluate the trial and its systems, keep it if the loss fell, and move on to the next trial."""
+        """Evaluate the trial and its systems, keep it if the loss fell, and move on to the next trial; `run` repeats
+        it. On a GPU `sharpen` has loaded the kernels before."""
         self.find_owners()
         self.judge_and_advance()
 
@@ -157,7 +147,12 @@ class RefineStep:
         weigh_points(self.points, self.owners, count, self.betas, self.overlap, self.found)
         self.sorter.sort()
         normal_equations_at(
-            self.trial, self.sorter.live_rows(), self.betas, self.partial, self.state.trial_systems
+            self.trial,
+            self.sorter.rows,
+            self.betas,
+            self.partial,
+            self.state.trial_systems,
+            self.sorter.block_count,
         )
         judge_together(self.state, count, self.found.loss, SHARED_DAMPING)
         advance(self.state, self.trial, MOST_BLEND)

@@ -7,6 +7,7 @@ import warp as wp
 
 from .chooser import Chooser
 from .config import SelectConfig
+from .cover import Cover
 from .objective import Tally
 
 EXCHANGES = 3
@@ -119,7 +120,7 @@ def _try_without(choice: Chooser, member: int, most: int) -> None:
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:
     """Indices that remain after removing, one by one, the primitive whose absence raises the objective most."""
-    choice = Chooser(bits, tally, alpha, device)
+    choice = Cover(bits, tally, alpha, device)
     for index in range(len(bits)):
         choice.add(index)
     while len(choice.chosen) > 1:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .chooser import Chooser
 from .config import FitConfig
+from .cover import Cover
 from .judge import Judge
 from .objective import Score
 from .refine import refine
@@ -71,7 +71,7 @@ def remove_down_to(values: np.ndarray, judge: Judge, count: int) -> list[int]:
         judge: the objective.
         count: how many are to be left.
     """
-    choice = Chooser(values < 0, judge.tally, judge.alpha, judge.device)
+    choice = Cover(values < 0, judge.tally, judge.alpha, judge.device)
     for index in range(len(values)):
         choice.add(index)
     while len(choice.chosen) > max(count, 0):

@@ -78,6 +78,10 @@ class Workbench:
         """Distances (primitive_count, n) at the samples."""
         return values_at(rows, self.families(rows), self.blocks, self.device)
 
+    def inside(self, rows: np.ndarray) -> np.ndarray:
+        """Which samples each primitive holds, (primitive_count, n) bool."""
+        return self.values(rows) < 0
+
     def assess(self, rows: np.ndarray) -> Score:
         """The objective of rows as they are, blends included."""
         return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)

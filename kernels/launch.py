@@ -12,7 +12,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
@@ -43,6 +43,8 @@ _NOTICE_SECONDS = 0.7
 """Loading a cached module takes milliseconds; one that takes longer than this is being compiled."""
 
 _start_lock = threading.Lock()
+_local = threading.local()
+"""Of each thread: the launches being recorded, and the cores that it may use."""
 _started = False
 _pool: ThreadPoolExecutor | None = None
 _loaded: set[tuple[str, str]] = set()
@@ -84,6 +86,22 @@ def core_count() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _cores_here() -> int:
+    """Cores that launches of this thread are split over."""
+    return getattr(_local, "cores", None) or core_count()
+
+
+@contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Within, launches of this thread are split over so many cores: where several threads work side by side."""
+    before = getattr(_local, "cores", None)
+    _local.cores = max(1, count)
+    try:
+        yield
+    finally:
+        _local.cores = before
 
 
 def choose_device(name: str = "auto") -> wp.Device:
@@ -147,7 +165,7 @@ def _notice_compiling() -> None:
 
 def launch(
     kernel: wp.Kernel,
-    count: int,
+    count: int | Callable[[], int],
     inputs: Sequence[Any],
     outputs: Sequence[Any],
     device: wp.Device,
@@ -157,31 +175,97 @@ def launch(
 
     Args:
         kernel: its first parameter is `first: int`, added to `wp.tid()`; it is passed here, not in `inputs`.
-        count: number of threads; 0 launches nothing.
+        count: number of threads; 0 launches nothing. A function is asked anew each time that a `Replay` repeats the
+            launch.
         inputs, outputs: the other arguments, in order.
         device: where the arrays are.
         seconds_per_thread: a guess of one thread's time on one core; launches worth it are split over the cores.
     """
-    if count <= 0:
+    commands: list[Callable[[], None]] | None = getattr(_local, "commands", None)
+    if commands is not None:
+        load(kernel, device)
+        commands.append(_RecordedLaunch(kernel, count, inputs, outputs, device, seconds_per_thread).run)
+        commands[-1]()
+        return
+    threads = count() if callable(count) else count
+    if threads <= 0:
         return
     load(kernel, device)
+
+    def run(low: int, high: int) -> None:
+        wp.launch(kernel, high - low, [low, *inputs], outputs, device=device, record_tape=False)
+
+    _run_in_parts(run, _edges(threads, seconds_per_thread, device))
+
+
+def _edges(count: int, seconds_per_thread: float, device: wp.Device) -> list[int]:
+    """Where a launch is cut for the cores."""
     parts = 1
     if device.is_cpu and count * seconds_per_thread > SPLIT_SECONDS:
-        parts = min(core_count(), count)
-    if parts == 1:
-        wp.launch(kernel, count, [0, *inputs], outputs, device=device, record_tape=False)
-        return
-    edges = [count * part // parts for part in range(parts + 1)]
-    workers = [
-        pool().submit(_launch_range, kernel, low, high, inputs, outputs, device)
-        for low, high in pairwise(edges[1:])
-    ]
-    _launch_range(kernel, edges[0], edges[1], inputs, outputs, device)
+        parts = min(_cores_here(), count)
+    return [count * part // parts for part in range(parts + 1)]
+
+
+def _run_in_parts(run: Callable[[int, int], None], edges: list[int]) -> None:
+    """Run the ranges between edges side by side, the first one on this thread."""
+    workers = [pool().submit(run, low, high) for low, high in pairwise(edges[1:])]
+    run(edges[0], edges[1])
     for worker in workers:
         worker.result()
 
 
-def _launch_range(
-    kernel: wp.Kernel, low: int, high: int, inputs: Sequence[Any], outputs: Sequence[Any], device: wp.Device
-) -> None:
-    wp.launch(kernel, high - low, [low, *inputs], outputs, device=device, record_tape=False)
+@contextmanager
+def recorded() -> Iterator[list[Callable[[], None]]]:
+    """Within, this thread's launches on the CPU run and are kept; calling what is yielded in order repeats them."""
+    _local.commands = []
+    try:
+        yield _local.commands
+    finally:
+        _local.commands = None
+
+
+class _RecordedLaunch:
+    """A launch on the CPU whose arguments are packed."""
+
+    def __init__(
+        self,
+        kernel: wp.Kernel,
+        count: int | Callable[[], int],
+        inputs: Sequence[Any],
+        outputs: Sequence[Any],
+        device: wp.Device,
+        seconds_per_thread: float,
+    ):
+        self.kernel, self.count, self.device, self.seconds = kernel, count, device, seconds_per_thread
+        self.inputs, self.outputs = inputs, outputs
+        self.edges: list[int] = []
+        self.parts: dict[int, wp.Launch] = {}
+
+    def run(self) -> None:
+        """Launch it once more."""
+        if callable(self.count) or not self.edges:
+            count = self.count() if callable(self.count) else self.count
+            edges = _edges(count, self.seconds, self.device)
+            if edges != self.edges:
+                self.edges = edges
+                for number, (low, high) in enumerate(pairwise(edges)):
+                    self._part(number).set_dim(high - low)
+                    self._part(number).set_param_at_index(0, low)
+        if self.edges[-1] > 0:
+            _run_in_parts(self._launch, self.edges)
+
+    def _part(self, number: int) -> wp.Launch:
+        if number not in self.parts:
+            self.parts[number] = wp.launch(
+                self.kernel,
+                1,
+                [0, *self.inputs],
+                self.outputs,
+                device=self.device,
+                record_tape=False,
+                record_cmd=True,
+            )
+        return self.parts[number]
+
+    def _launch(self, low: int, high: int) -> None:
+        self.parts[self.edges.index(low)].launch()

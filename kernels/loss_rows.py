@@ -6,8 +6,7 @@ and each block then writes its rows from where those before it end. The order is
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+import numpy as np
 import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
@@ -104,12 +103,11 @@ class RowSorter:
             first_block=wp.empty(primitive_count + 1, dtype=int, device=self.device),
             pair_count=most,
         )
+        self.first_block = self.rows.first_block.numpy() if self.device.is_cpu else np.zeros(1, int)
 
-    def live_rows(self) -> OwnedPoints:
-        """The sorted rows; on the CPU without blocks that none fills, where asking for their number is free."""
-        if not self.device.is_cpu:
-            return self.rows
-        return replace(self.rows, pair_count=int(self.rows.first_block.numpy()[-1]))
+    def block_count(self) -> int:
+        """Blocks of rows: those in use on the CPU, where asking for their number is free, else all."""
+        return int(self.first_block[-1]) if self.device.is_cpu else self.rows.pair_count
 
     def sort(self) -> None:
         """Fill `rows`; counts become places."""

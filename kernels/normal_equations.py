@@ -9,6 +9,7 @@ Primitives may share points: many starts of one region read the same blocks.
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -178,13 +179,17 @@ def normal_equations_at(
     betas: wp.array,
     out_partial: wp.array,
     out_systems: wp.array,
+    pair_count: int | Callable[[], int] | None = None,
 ) -> None:
-    """Fill `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is scratch."""
+    """Fill `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is scratch.
+
+    `pair_count` says how many pairs are in use where it is not all of them.
+    """
     device = primitives.device
     for run in primitives.runs:
         launch(
             normal_equations_kernel(run.family.name),
-            points.pair_count,
+            points.pair_count if pair_count is None else pair_count,
             [
                 points.x,
                 points.y,
