@@ -110,7 +110,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
     "balanced": {
         "parsimony": 2.5e-3,
-        "rounds": 16,
+        "rounds": 20,
         "excursions": 1,
         "samples": 16_384,
         "propose": ProposeConfig(),
@@ -121,7 +121,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
     "best": {
         "parsimony": 1e-3,
-        "rounds": 24,
+        "rounds": 28,
         "excursions": 2,
         "samples": 16_384,
         "propose": ProposeConfig(regions=96),

@@ -50,6 +50,14 @@ class CandidateMemory:
         self.boxes = self.boxes[-REMEMBERED:]
         return self.candidates()
 
+    def take(self, other: CandidateMemory) -> None:
+        """Remember what another memory of the same samples does and this one does not."""
+        new = [index for index, region in enumerate(other.regions) if not self._known(region)]
+        self.regions += [other.regions[index] for index in new]
+        self.rows += [other.rows[index] for index in new]
+        self.held += [other.held[index] for index in new]
+        self.boxes = np.concatenate([self.boxes, other.boxes[new]])
+
     def candidates(self) -> np.ndarray:
         """All candidates remembered, (count, ROW) float32."""
         return np.concatenate(self.rows) if self.rows else np.zeros((0, ROW), np.float32)

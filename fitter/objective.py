@@ -5,7 +5,7 @@ R is the mean of two IoUs: on points near the surface, weighted by curvature, an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,11 @@ class Score:
     def recovery(self) -> float:
         """R, without the price of primitives and overlap."""
         return 0.5 * (self.near_iou + self.volume_iou)
+
+
+def at_price(score: Score, alpha: float, before: float) -> Score:
+    """The score with another price of a primitive than the one `before`."""
+    return replace(score, objective=score.objective + (before - alpha) * score.primitive_count)
 
 
 class Tally:

@@ -63,6 +63,8 @@ class Workbench:
         self.grid_points = grid_blocks(shape, lower, spacing, device)
         self.alpha = config.parsimony
         self.timings: dict[str, float] = {}
+        self.positions, self.place = [0.0], 0
+        """Rounds done of each track, and this one's place among them."""
         self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
         self.score = self.assess(self.rows)
         self.iou = 0.0
@@ -112,12 +114,21 @@ class Workbench:
         return self.interrupted() or self.out_of_time()
 
     def tell(self, stage: str, number: int, within: float) -> None:
-        """Report progress: `within` is the share of the round that is done."""
-        rounds = self.config.rounds
+        """Report progress: `number` rounds and the share `within` of the next are done."""
+        self.positions[self.place] = number + within
+        done, rounds = sum(self.positions), self.config.rounds
         # Most fits saturate early: the share is that of a fit of half the allowed rounds, approached smoothly.
-        done = 1.0 - 0.5 ** ((number + within) / max(1.0, 0.3 * rounds))
+        share = 1.0 - 0.5 ** (done / max(1.0, 0.3 * rounds))
         self.on_progress(
-            Progress(stage, number + 1, rounds, len(self.rows), self.score.objective, self.iou, done)
+            Progress(
+                stage,
+                min(int(done) + 1, rounds),
+                rounds,
+                len(self.rows),
+                self.score.objective,
+                self.iou,
+                share,
+            )
         )
 
     def deviation(self) -> float:
