@@ -32,20 +32,25 @@ def label_parts(grid: np.ndarray, owners_at: np.ndarray, coarse_cells: np.ndarra
 def coarse_inside(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cells of the half-resolution grid that hold any of the target: flat indices, centres (m, 3) normalised."""
     half = grid.shape[0] // 2
-    lowest = grid.reshape(half, 2, half, 2, half, 2).min((1, 3, 5))
-    cells = np.flatnonzero(lowest < 0)
-    index = np.stack(np.unravel_index(cells, lowest.shape), 1)
+    inside = grid < 0
+    pairs = inside[0::2] | inside[1::2]
+    rows = pairs[:, 0::2] | pairs[:, 1::2]
+    cells = np.flatnonzero(rows[:, :, 0::2] | rows[:, :, 1::2])
+    index = np.stack(np.unravel_index(cells, (half, half, half)), 1)
     return cells, (-1.0 + (index + 0.5) * (2.0 / half)).astype(np.float32)
 
 
 def neighbour_pairs(labels: np.ndarray, count: int) -> list[tuple[int, int]]:
     """Pairs of parts that touch, those with the most contact for the smaller one's size first."""
-    contacts = np.zeros((count, count), np.int64)
+    contacts = np.zeros(count * count, np.int64)
     for axis in range(3):
-        a = labels.take(range(labels.shape[axis] - 1), axis)
-        b = labels.take(range(1, labels.shape[axis]), axis)
-        touching = (a != b) & (a >= 0) & (b >= 0)
-        np.add.at(contacts, (a[touching], b[touching]), 1)
+        a: list[slice] = [slice(None)] * 3
+        b = list(a)
+        a[axis], b[axis] = slice(None, -1), slice(1, None)
+        first, second = labels[tuple(a)], labels[tuple(b)]
+        touching = (first != second) & (first >= 0) & (second >= 0)
+        contacts += np.bincount(first[touching] * count + second[touching], minlength=count * count)
+    contacts = contacts.reshape(count, count)
     contacts += contacts.T
     sizes = np.bincount(labels[labels >= 0], minlength=count)
     first, second = np.nonzero(np.triu(contacts))

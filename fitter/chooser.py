@@ -7,9 +7,8 @@ candidate changes only the points inside it: the sums of all others are mended t
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
-from ..kernels.occupancy import CandidateBits
+from ..kernels.occupancy import Holdings
 from .cover import Cover
 from .objective import Tally
 
@@ -20,13 +19,9 @@ ABSORBED = 0.75
 class Chooser(Cover):
     """The chosen candidates and the gains of all others."""
 
-    def __init__(
-        self, bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device, false_volume: float = 1.0
-    ):
-        """`bits` (candidates, n) bool: which sample points each candidate holds."""
-        super().__init__(bits, tally, alpha, device, false_volume)
-        self.bits = CandidateBits(bits, device)
-        everywhere = np.arange(bits.shape[1])
+    def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
+        super().__init__(holdings, tally, alpha, false_volume)
+        everywhere = np.arange(holdings.point_count)
         self.sums = self._weigh(everywhere, np.ones(len(everywhere)), everywhere[:0], np.zeros(0))
 
     def save(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
@@ -42,7 +37,7 @@ class Chooser(Cover):
         """An independent choice that goes on from here."""
         other = object.__new__(Chooser)
         other.__dict__.update(self.__dict__)
-        other.counts = self.counts.copy()
+        other._begin_counts()
         other.restore(self.save())
         return other
 
@@ -54,7 +49,7 @@ class Chooser(Cover):
         weights = freed_by * self.tally.weight[freed]
         tasks = [(freed[kind == number], weights[kind == number]) for number in range(4)]
         once_by = once_by * self.tally.box[once]
-        return self.bits.weigh([*tasks, (once, once_by)]).astype(np.float64)
+        return self.holdings.weigh([*tasks, (once, once_by)]).astype(np.float64)
 
     def gains(self) -> np.ndarray:
         """What each candidate would add to the objective, -inf for those chosen."""
@@ -65,17 +60,17 @@ class Chooser(Cover):
 
     def likeness(self, index: int) -> np.ndarray:
         """Points that each candidate shares with this one, as a share of the points in either: (candidates,)."""
-        points = self.held_points.lists[index]
-        common = self.bits.weigh([(points, np.ones(len(points)))])[:, 0]
-        return common / np.maximum(self.held_points.sizes + len(points) - common, 1.0)
+        points = self.holdings.lists[index]
+        common = self.holdings.weigh([(points, np.ones(len(points)))])[:, 0]
+        return common / np.maximum(self.holdings.sizes + len(points) - common, 1.0)
 
     def absorbs(self) -> np.ndarray:
         """Which members each candidate holds nearly all of: (candidates, members) bool, in the order of choice."""
         if not self.chosen:
-            return np.zeros((len(self.held_points.lists), 0), bool)
-        lists = self.held_points.lists
+            return np.zeros((len(self.holdings.lists), 0), bool)
+        lists = self.holdings.lists
         tasks = [(lists[member], np.ones(len(lists[member]))) for member in self.chosen]
-        return self.bits.weigh(tasks) > ABSORBED * np.maximum(self.held_points.sizes[self.chosen], 1)
+        return self.holdings.weigh(tasks) > ABSORBED * np.maximum(self.holdings.sizes[self.chosen], 1)
 
     def best_addition(self, barred: np.ndarray | None = None) -> tuple[int, float]:
         """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left.
@@ -92,7 +87,7 @@ class Chooser(Cover):
 
     def _mend(self, index: int, step: int, before: np.ndarray, after: np.ndarray) -> None:
         """Mend the sums of all candidates where a change of the counts frees a point, or leaves one holder."""
-        points = self.held_points.lists[index]
+        points = self.holdings.lists[index]
         freed = (after == 0).astype(np.int8) - (before == 0)
         once = (after == 1).astype(np.int8) - (before == 1)
         changed, moved = freed != 0, (once != 0) & self.tally.box[points]

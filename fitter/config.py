@@ -13,6 +13,20 @@ Preset = Literal["fast", "balanced", "best"]
 
 
 @dataclass(frozen=True, kw_only=True)
+class FitStage:
+    """A stage in which starts are fitted to their regions: each stage is sharper and has fewer of them."""
+
+    sharpness: float
+    """In units of 1 / (half thickness of the region)."""
+    iterations: int
+    """Levenberg steps."""
+    keep: int
+    """Starts kept a region."""
+    half: bool = False
+    """Whether every other point will do."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProposeConfig:
     """Candidate fits of one round."""
 
@@ -29,11 +43,13 @@ class ProposeConfig:
     holes: bool = True
     """Whether walls around holes are tried."""
     points: int = 512
-    """Sample points a region is fitted to."""
-    keep: tuple[int, int] = (8, 1)
-    """Starts kept a region after the first and the second stage of fitting."""
-    iterations: tuple[int, int, int] = (7, 8, 12)
-    """Levenberg steps of the three stages."""
+    """Sample points a region is fitted to, half of them in stages that ask for half."""
+    stages: tuple[FitStage, ...] = (
+        FitStage(sharpness=2.0, iterations=4, keep=14, half=True),
+        FitStage(sharpness=2.0, iterations=4, keep=6, half=True),
+        FitStage(sharpness=5.0, iterations=6, keep=2),
+        FitStage(sharpness=12.0, iterations=10, keep=1),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,13 +112,20 @@ class AdamConfig:
 SHARP = (100.0, 400.0)
 """Sharpness of plain rounds: a blunt step would wash out what earlier rounds made fine."""
 
+FAST_STAGES = (
+    FitStage(sharpness=2.0, iterations=4, keep=8, half=True),
+    FitStage(sharpness=3.0, iterations=4, keep=3, half=True),
+    FitStage(sharpness=5.0, iterations=4, keep=1),
+    FitStage(sharpness=12.0, iterations=7, keep=1),
+)
+
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "parsimony": 2.5e-3,
         "rounds": 4,
         "excursions": 0,
         "samples": 8192,
-        "propose": ProposeConfig(regions=48, keep=(4, 1), iterations=(6, 6, 8)),
+        "propose": ProposeConfig(regions=48, stages=FAST_STAGES),
         "select": SelectConfig(),
         "refine": RefineConfig(iterations=14),
         "sharpen": RefineConfig(iterations=14, betas=SHARP),

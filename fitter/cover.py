@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
-from ..kernels.occupancy import HeldPoints
+from ..kernels.occupancy import Holdings, RemovalSums
 from .objective import Tally
 
 
 class Cover:
     """A choice of candidates: additions, removals and its score, for the hard union."""
 
-    def __init__(
-        self, bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device, false_volume: float = 1.0
-    ):
-        """`bits` (candidates, n) bool: which sample points each candidate holds."""
+    def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
+        """`holdings` says which sample points each candidate holds; it must not change while this is in use."""
         self.tally, self.alpha, self.false_volume = tally, alpha, false_volume
-        self.held_points = HeldPoints(bits, tally.kind, tally.weight, device)
-        self.counts = np.zeros(bits.shape[1], np.int32)
+        self.holdings = holdings
         self.chosen: list[int] = []
         self.held = np.zeros(5)
+        self._begin_counts()
+
+    def _begin_counts(self) -> None:
+        """Counts of this choice's own, all 0."""
+        self.counts = np.zeros(self.holdings.point_count, np.int32)
+        self.removals = RemovalSums(self.holdings, self.counts, self.tally.kind, self.tally.weight)
 
     def _count(self, index: int, step: int) -> tuple[np.ndarray, np.ndarray]:
         """Count the points of a candidate once more (step 1) or once less (-1): their counts before and after."""
-        points = self.held_points.lists[index]
+        points = self.holdings.lists[index]
         before = self.counts[points]
         after = before + step
         self.counts[points] = after
@@ -59,7 +61,7 @@ class Cover:
         members = [member for member in self.chosen if member != keep]
         if not members:
             return -1, -np.inf
-        left = self.held - self.held_points.removals(members, self.counts)
+        left = self.held - self.removals.of(members)
         gains = self._objective(left, len(self.chosen) - 1) - self.score()
         best = int(np.argmax(gains))
         return members[best], float(gains[best])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import warp as wp
 
 from ..decomposition.region import Region
+from ..kernels.occupancy import Holdings
 from ..kernels.rows import ROW
 from .config import FitConfig
 from .propose import fit_regions
@@ -21,17 +23,16 @@ REMEMBERED = 600
 class CandidateMemory:
     """Regions tried so far, with the candidates fitted to each and the sample points that those hold."""
 
-    def __init__(self, inside: Callable[[np.ndarray], np.ndarray]) -> None:
-        """`inside` says of rows (k, ROW) which samples each holds: (k, n) bool."""
+    def __init__(self, inside: Callable[[np.ndarray], np.ndarray], device: wp.Device) -> None:
+        """`inside` says of rows (k, ROW) which samples each holds, (k, n) bool; `device` is where they are counted."""
         self.inside = inside
+        self.device = device
         self.regions: list[Region] = []
         self.rows: list[np.ndarray] = []
-        self.held: list[np.ndarray] = []
+        self.holdings = Holdings(inside(np.zeros((0, ROW), np.float32)), device)
         self.boxes = np.zeros((0, 7))
 
-    def fit_new(
-        self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int, device: wp.Device
-    ) -> np.ndarray:
+    def fit_new(self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int) -> np.ndarray:
         """Fit the regions that are new, and return all candidates remembered, (count, ROW) float32."""
         new: list[Region] = []
         for region in regions:
@@ -40,31 +41,41 @@ class CandidateMemory:
                 self.regions.append(region)
                 self.boxes = np.concatenate([self.boxes, _box(region)[None]])
         if new:
-            fitted = fit_regions(new, grid, config.primitive, config.propose, seed, device)
-            held = self.inside(fitted.rows)
+            fitted = fit_regions(new, grid, config.primitive, config.propose, seed, self.device)
+            order = np.argsort(fitted.region, kind="stable")
             self.rows += [fitted.rows[fitted.region == index] for index in range(len(new))]
-            self.held += [held[fitted.region == index] for index in range(len(new))]
-        self.regions = self.regions[-REMEMBERED:]
-        self.rows = self.rows[-REMEMBERED:]
-        self.held = self.held[-REMEMBERED:]
-        self.boxes = self.boxes[-REMEMBERED:]
+            self.holdings.append(self.inside(fitted.rows[order]))
+        self._forget(len(self.regions) - REMEMBERED)
         return self.candidates()
+
+    def _forget(self, count: int) -> None:
+        """Forget the oldest regions."""
+        if count > 0:
+            self.holdings.drop_first(sum(len(rows) for rows in self.rows[:count]))
+            self.regions, self.rows, self.boxes = self.regions[count:], self.rows[count:], self.boxes[count:]
 
     def take(self, other: CandidateMemory) -> None:
         """Remember what another memory of the same samples does and this one does not."""
         new = [index for index, region in enumerate(other.regions) if not self._known(region)]
         self.regions += [other.regions[index] for index in new]
         self.rows += [other.rows[index] for index in new]
-        self.held += [other.held[index] for index in new]
+        added = [other.candidates()[:0], *(other.rows[index] for index in new)]
+        self.holdings.append(self.inside(np.concatenate(added)))
         self.boxes = np.concatenate([self.boxes, other.boxes[new]])
+
+    @contextmanager
+    def joined_by(self, rows: np.ndarray) -> Iterator[Holdings]:
+        """What all candidates remembered hold, and after them `rows` (k, ROW), for the time being."""
+        count = self.holdings.count
+        self.holdings.append(self.inside(rows))
+        try:
+            yield self.holdings
+        finally:
+            self.holdings.truncate(count)
 
     def candidates(self) -> np.ndarray:
         """All candidates remembered, (count, ROW) float32."""
         return np.concatenate(self.rows) if self.rows else np.zeros((0, ROW), np.float32)
-
-    def bits(self) -> np.ndarray:
-        """Which samples all candidates remembered hold, (count, n) bool."""
-        return np.concatenate([self.inside(np.zeros((0, ROW), np.float32)), *self.held])
 
     def _known(self, region: Region) -> bool:
         """Whether a region like it was tried; boxes and volumes rule most out without looking at cells."""

@@ -26,24 +26,35 @@ def mergers(rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: i
     count = len(rows)
     if count < 2 or not memory.rows:
         return []
-    pool = np.concatenate([rows, memory.candidates()])
-    bits = np.concatenate([bench.inside(rows), memory.bits()])
-    choice = Chooser(bits, bench.tally, bench.alpha, bench.device)
-    for index in range(count):
+    pool = np.concatenate([memory.candidates(), rows])
+    members = list(range(len(pool) - count, len(pool)))
+    with memory.joined_by(rows) as holdings:
+        return _mergers(Chooser(holdings, bench.tally, bench.alpha), pool, members, most)
+
+
+def _mergers(choice: Chooser, pool: np.ndarray, members: list[int], most: int) -> list[np.ndarray]:
+    """`mergers` of the members of a pool."""
+    for index in members:
         choice.add(index)
     absorbs = choice.absorbs()
-    absorbs[:count] = False
+    absorbs[members] = False
     able = np.flatnonzero(absorbs.sum(1) > 1)
     scores = np.array(
-        [choice.score_swapped(index, np.flatnonzero(absorbs[index]).tolist()) for index in able.tolist()]
+        [choice.score_swapped(index, _absorbed(members, absorbs[index])) for index in able.tolist()]
     )
     moves = []
     for place in np.argsort(-scores, kind="stable")[:most]:
         if scores[place] < choice.score() - WORST_LOSS:
             break
         index = able[place]
-        leavers = np.flatnonzero(absorbs[index])
-        pool[index, BLEND] = rows[leavers, BLEND].max()
-        kept = [member for member in range(count) if member not in leavers]
-        moves.append(pool[sorted_by_volume(pool, [*kept, int(index)])])
+        leavers = _absorbed(members, absorbs[index])
+        merged = pool.copy()
+        merged[index, BLEND] = pool[leavers, BLEND].max()
+        kept = [member for member in members if member not in leavers]
+        moves.append(merged[sorted_by_volume(merged, [*kept, int(index)])])
     return moves
+
+
+def _absorbed(members: list[int], absorbed: np.ndarray) -> list[int]:
+    """The members (in the order of choice) that a candidate absorbs."""
+    return [member for member, held in zip(members, absorbed, strict=True) if held]

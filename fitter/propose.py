@@ -17,8 +17,6 @@ from .config import ProposeConfig
 from .levenberg import levenberg
 from .region_points import RegionPoints, sample_regions
 
-STAGE_SHARPNESS = (2.0, 5.0, 12.0)
-"""Sharpness of the three stages in units of 1 / (half thickness of the region): coarse to fine."""
 SHARPNESS_RANGE = (8.0, 400.0)
 
 
@@ -47,23 +45,23 @@ def fit_regions(
 ) -> Candidates:
     """Fit all regions from all their starts and keep each region's best.
 
-    Three stages, each sharper and with fewer starts than the one before. Starts of a region share its points.
+    In stages, each with fewer starts than the one before. Starts of a region share its points.
 
     Args:
         regions: parts of the target to fill, at least one.
         grid: (n, n, n) signed distance of the target at the cell centres of [-1, 1]^3.
         family: of the candidates.
-        config: how many starts and steps.
+        config: the stages.
         seed: of the sample points.
         device: where to fit.
     """
     rows, region, kinds = all_starts(regions, family)
     samples = sample_regions(regions, grid, config.points, seed)
     kind = np.array(kinds)
-    keeps = (*config.keep, config.keep[-1])
-    for sharpness, iterations, keep in zip(STAGE_SHARPNESS, config.iterations, keeps, strict=True):
-        rows, cost = _fit_stage(rows, region, samples, family, sharpness, iterations, device)
-        best = _best_of_each(region, cost, keep)
+    for stage in config.stages:
+        points = samples.half() if stage.half else samples
+        rows, cost = _fit_stage(rows, region, points, family, stage.sharpness, stage.iterations, device)
+        best = _best_of_each(region, cost, stage.keep)
         rows, region, kind = rows[best], region[best], kind[best]
     return Candidates(rows, region, kind.tolist())
 

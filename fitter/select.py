@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
+from ..kernels.occupancy import Holdings
 from .chooser import Chooser
 from .config import SelectConfig
 from .cover import Cover
@@ -21,32 +24,30 @@ WIDE_LOOK = 24
 
 
 def select(
-    bits: np.ndarray,
+    holdings: Holdings,
     tally: Tally,
     alpha: float,
     config: SelectConfig,
-    device: wp.Device,
     false_volume: float = 1.0,
-    start: int = 0,
+    start: Sequence[int] = (),
     most: int = 1_000_000,
 ) -> list[int]:
     """Choose candidates that raise the objective of their hard union.
 
     Args:
-        bits: (candidates, n) bool: which sample points each candidate holds.
+        holdings: which sample points each candidate holds.
         tally: the objective's sums.
         alpha: price of a primitive.
         config: width of the search.
-        device: where points are counted.
         false_volume: weight of volume outside the target: above 1, precise candidates win over bulky ones.
-        start: the first so many candidates are chosen already; they may be swapped out again.
+        start: candidates that are chosen already; they may be swapped out again.
         most: most primitives to choose.
 
     Returns:
         Indices in the order of choice.
     """
-    root = Chooser(bits, tally, alpha, device, false_volume)
-    for index in range(start):
+    root = Chooser(holdings, tally, alpha, false_volume)
+    for index in start:
         root.add(index)
     beginnings = [root]
     if not start:
@@ -120,7 +121,7 @@ def _try_without(choice: Chooser, member: int, most: int) -> None:
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:
     """Indices that remain after removing, one by one, the primitive whose absence raises the objective most."""
-    choice = Cover(bits, tally, alpha, device)
+    choice = Cover(Holdings(bits, device), tally, alpha)
     for index in range(len(bits)):
         choice.add(index)
     while len(choice.chosen) > 1:

@@ -62,7 +62,7 @@ class Track(Workbench):
         start_rows: np.ndarray | None = None,
     ):
         super().__init__(target, config, device, on_progress, should_stop, start_rows)
-        self.memory = CandidateMemory(self.inside)
+        self.memory = CandidateMemory(self.inside, device)
         self.slabs = config.excursions == 0
         """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
         offer, a greedy choice takes them and never gets to what they are made of."""
@@ -73,7 +73,7 @@ class Track(Workbench):
         """Another track on the same target, from nothing and with slabs, that tells nobody of its progress."""
         other = copy.copy(self)
         other.slabs, other.rounds, other.timings = True, [], {}
-        other.memory = CandidateMemory(other.inside)
+        other.memory = CandidateMemory(other.inside, self.device)
         other.on_progress, other.interrupted = lambda progress: None, should_stop
         other.place = len(self.positions)
         self.positions.append(0.0)
@@ -141,14 +141,14 @@ class Track(Workbench):
         self.tell("propose", number, 0.15)
         with self.timed("propose"):
             remembered = self.propose(regions, number)
-            candidates = remembered if others is None else np.concatenate([others, remembered])
+            candidates = remembered if others is None else np.concatenate([remembered, others])
             candidates[:, BLEND] = starting_blends(candidates) if config.union == "smooth" else 0.0
-            pool = np.concatenate([self.rows, candidates])
+            pool = np.concatenate([candidates, self.rows])
         if self.should_stop():
             return
         self.tell("select", number, 0.5)
         with self.timed("select"):
-            chosen = self.choose(pool, len(remembered), false_volume)
+            chosen = self.choose(pool, len(candidates), false_volume)
         if not chosen:
             return
         self.tell("refine", number, 0.6)
@@ -202,7 +202,7 @@ class Track(Workbench):
         config = self.config
         if config.optimizer == "adam":
             return seed_regions(regions, config.primitive).rows
-        return self.memory.fit_new(regions, self.target.grid, config, config.seed + number, self.device)
+        return self.memory.fit_new(regions, self.target.grid, config, config.seed + number)
 
     def refine(self, rows: np.ndarray, number: int, settings: RefineConfig) -> np.ndarray:
         """All primitives moved together by the chosen optimiser."""
@@ -229,25 +229,23 @@ class Track(Workbench):
         if score.objective > self.best_score.objective:
             self.best_rows, self.best_score, self.best_iou = self.rows, score, self.iou
 
-    def choose(self, pool: np.ndarray, remembered: int, false_volume: float) -> list[int]:
-        """Indices into the pool; the primitives so far come first in it and may be swapped out.
-
-        The last `remembered` of it are the memory's.
-        """
+    def choose(self, pool: np.ndarray, candidates: int, false_volume: float) -> list[int]:
+        """Indices into the pool: first the memory's candidates and others, then the primitives so far, which may be
+        swapped out."""
+        start = range(candidates, len(pool))
         if self.config.optimizer == "adam":
             # The paper seeds all regions of a decomposition and lets optimisation and pruning decide.
-            return list(range(min(len(pool), self.config.max_primitives)))
-        bits = np.concatenate([self.inside(pool[: len(pool) - remembered]), self.memory.bits()])
-        return select(
-            bits,
-            self.tally,
-            self.alpha,
-            self.config.select,
-            self.device,
-            false_volume,
-            len(self.rows),
-            self.config.max_primitives,
-        )
+            return [*start, *range(candidates)][: self.config.max_primitives]
+        with self.memory.joined_by(pool[self.memory.holdings.count :]) as holdings:
+            return select(
+                holdings,
+                self.tally,
+                self.alpha,
+                self.config.select,
+                false_volume,
+                start,
+                self.config.max_primitives,
+            )
 
 
 def starting_blends(rows: np.ndarray) -> np.ndarray:

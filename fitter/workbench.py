@@ -61,6 +61,8 @@ class Workbench:
         shape, lower, spacing = cell_centres(target.resolution)
         self.grid_shape = shape
         self.grid_points = grid_blocks(shape, lower, spacing, device)
+        self.coarse_cells, centres = coarse_inside(target.grid)
+        self.coarse_blocks = point_blocks(centres, device)
         self.alpha = config.parsimony
         self.timings: dict[str, float] = {}
         self.positions, self.place = [0.0], 0
@@ -150,11 +152,8 @@ class Workbench:
     def neighbour_regions(self) -> list[Region]:
         """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
         count, settings = len(self.rows), self.config.propose
-        cells, centres = coarse_inside(self.target.grid)
-        values = values_at(
-            self.rows, self.families(self.rows), point_blocks(centres, self.device), self.device
-        )
-        labels = label_parts(self.target.grid, values.argmin(0), cells)
+        values = values_at(self.rows, self.families(self.rows), self.coarse_blocks, self.device)
+        labels = label_parts(self.target.grid, values.argmin(0), self.coarse_cells)
         pairs = neighbour_pairs(labels, count)[: settings.merges]
         worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
         singles = part_regions(labels, [(int(k),) for k in worst], "part")

@@ -10,12 +10,17 @@ import numpy as np
 import warp as wp
 
 from .launch import VECTOR_OPTIONS, launch
+from .replay import Replay
 
 wp.set_module_options(VECTOR_OPTIONS)
 
 GROUP = 64
 """Candidates a thread counts for."""
 GROUP_C = wp.constant(GROUP)
+
+SUMS = 5
+"""Numbers of a removal: weights by kind, then points held twice."""
+SUMS_C = wp.constant(SUMS)
 
 
 @wp.kernel
@@ -25,63 +30,26 @@ def add_point_weights_kernel(
     points: wp.array[int],
     weights: wp.array[float],
     task_first: wp.array[int],
-    group_count: int,
+    size: wp.array[int],
     # outputs
     out_sums: wp.array[float],
 ):
-    """Add one task's weighted points to its sums of one group of candidates, in the order of the list."""
+    """Add one task's weighted points to its sums of one group of candidates, in the order of the list.
+
+    `size` is the number of groups in use, and the bytes of a row of `bits`.
+    """
     t = first + wp.tid()
+    group_count = size[0]
     task = t / group_count
     base = (t - task * group_count) * GROUP_C
     store = task * group_count * GROUP_C + base
+    for j in range(GROUP_C):
+        out_sums[store + j] = 0.0
     for i in range(task_first[task], task_first[task + 1]):
         weight = weights[i]
-        at = points[i] * group_count * GROUP_C + base
+        at = points[i] * size[1] + base
         for j in range(GROUP_C):
             out_sums[store + j] += weight * float(bits[at + j])
-
-
-class CandidateBits:
-    """Which sample points each candidate holds, point-major, so that the points of one candidate are whole rows."""
-
-    def __init__(self, bits: np.ndarray, device: wp.Device):
-        """`bits` (candidates, n) bool."""
-        self.count, self.point_count = bits.shape
-        self.group_count = max(1, -(-self.count // GROUP))
-        packed = np.zeros((self.point_count, self.group_count * GROUP), np.uint8)
-        packed[:, : self.count] = bits.T
-        self.packed = wp.array(packed.ravel(), dtype=wp.uint8, device=device)
-
-    def weigh(self, tasks: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """Sums of point weights inside each candidate, for several lists of points.
-
-        Args:
-            tasks: for each sum, points (m,) and their weights (m,).
-
-        Returns:
-            (candidates, tasks) float32; the same bytes however many cores count.
-        """
-        device = self.packed.device
-        edges = np.cumsum([0] + [len(points) for points, _ in tasks]).astype(np.int32)
-        points = np.concatenate([points for points, _ in tasks]).astype(np.int32)
-        weights = np.concatenate([weights for _, weights in tasks]).astype(np.float32)
-        sums = wp.zeros(len(tasks) * self.group_count * GROUP, dtype=float, device=device)
-        if len(points):
-            launch(
-                add_point_weights_kernel,
-                len(tasks) * self.group_count,
-                [
-                    self.packed,
-                    wp.array(points, dtype=int, device=device),
-                    wp.array(weights, dtype=float, device=device),
-                    wp.array(edges, dtype=int, device=device),
-                    self.group_count,
-                ],
-                [sums],
-                device,
-                seconds_per_thread=1e-8 * len(points) / len(tasks),
-            )
-        return sums.numpy().reshape(len(tasks), -1)[:, : self.count].T
 
 
 @wp.kernel
@@ -99,55 +67,203 @@ def sum_removals_kernel(
     """What one member alone holds, by kind, and the points of the box that it and just one other hold."""
     member = first + wp.tid()
     k = members[member]
+    for entry in range(SUMS_C):
+        out_sums[member * SUMS_C + entry] = wp.float64(0.0)
     for i in range(edges[k], edges[k + 1]):
         point = points[i]
         held = counts[point]
-        at = member * 5 + int(kind[point])
+        at = member * SUMS_C + int(kind[point])
         if held == 1:
             out_sums[at] = out_sums[at] + weight[point]
         elif held == 2 and kind[point] >= wp.uint8(2):
-            out_sums[member * 5 + 4] = out_sums[member * 5 + 4] + wp.float64(1.0)
+            at = member * SUMS_C + SUMS_C - 1
+            out_sums[at] = out_sums[at] + wp.float64(1.0)
 
 
-class HeldPoints:
-    """The points that each candidate holds, list after list."""
+class Buffer:
+    """An array that the host fills and the device reads, or the other way round; one memory on the CPU."""
 
-    def __init__(self, bits: np.ndarray, kind: np.ndarray, weight: np.ndarray, device: wp.Device):
-        """`bits` (candidates, n) bool; `kind` (n,) 0 to 3 and `weight` (n,) of the points."""
-        self.device = device
-        self.sizes = np.count_nonzero(bits, axis=1)
-        ends = np.cumsum(self.sizes)
-        places = np.flatnonzero(bits) % max(1, bits.shape[1])
-        self.lists = np.split(places, ends[:-1]) if len(bits) else []
-        self.edges = wp.array(np.append(0, ends).astype(np.int32), dtype=int, device=device)
-        self.points = wp.array(places.astype(np.int32), dtype=int, device=device)
-        self.kind = wp.array(kind.astype(np.uint8), dtype=wp.uint8, device=device)
-        self.weight = wp.array(weight.astype(np.float64), dtype=wp.float64, device=device)
+    def __init__(self, size: int, dtype: type, device: wp.Device):
+        self.host = np.zeros(max(1, size), dtype)
+        scalar = wp.dtype_from_numpy(self.host.dtype)
+        self.array = wp.array(self.host, dtype=scalar, device=device, copy=not device.is_cpu)
 
-    def removals(self, members: list[int], counts: np.ndarray) -> np.ndarray:
-        """What would be uncovered, by kind, and no longer be held twice in the box, without each of the members.
+    def upload(self) -> None:
+        """Bring what the host wrote to the device."""
+        if not self.array.device.is_cpu:
+            self.array.assign(self.host)
+
+    def download(self) -> np.ndarray:
+        """What the device wrote."""
+        return self.host if self.array.device.is_cpu else self.array.numpy()
+
+
+class Holdings:
+    """Which sample points each candidate holds."""
+
+    def __init__(self, bits: np.ndarray, device: wp.Device):
+        """`bits` (candidates, n) bool."""
+        self.device, self.point_count = device, bits.shape[1]
+        self.lists: list[np.ndarray] = []
+        self.sizes = np.zeros(0, np.int64)
+        self.packed: Buffer | None = None
+        self.scratch: _WeighScratch | None = None
+        self.append(bits)
+
+    @property
+    def count(self) -> int:
+        """Candidates."""
+        return len(self.lists)
+
+    def append(self, bits: np.ndarray) -> None:
+        """Further candidates, `bits` (k, n) bool."""
+        sizes = np.count_nonzero(bits, axis=1)
+        places = np.flatnonzero(bits) % max(1, self.point_count)
+        if len(bits):
+            self.lists += np.split(places, np.cumsum(sizes)[:-1])
+        self.sizes = np.append(self.sizes, sizes)
+        if self.packed is not None:
+            self._pack(self.count - len(bits), bits)
+
+    def truncate(self, count: int) -> None:
+        """Forget all candidates but the first `count`."""
+        if self.packed is not None:
+            self.packed.host.reshape(self.point_count, -1)[:, count : self.count] = 0
+            self.packed.upload()
+        del self.lists[count:]
+        self.sizes = self.sizes[:count]
+
+    def drop_first(self, count: int) -> None:
+        """Forget the first `count` candidates."""
+        del self.lists[:count]
+        self.sizes, self.packed = self.sizes[count:], None
+
+    def weigh(self, tasks: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sums of point weights inside each candidate, for several lists of points.
 
         Args:
-            members: candidates that are chosen.
-            counts: (n,) int32, how many of them hold each point.
+            tasks: for each sum, points (m,) and their weights (m,).
 
         Returns:
-            (members, 5) float64.
+            (candidates, tasks) float32; the same bytes however many cores count.
         """
-        sums = wp.zeros(len(members) * 5, dtype=wp.float64, device=self.device)
+        if self.packed is None:
+            self._pack(0, self._bits())
+        packed = self.packed
+        assert packed is not None
+        groups = max(1, -(-self.count // GROUP))
+        needed = sum(len(points) for points, _ in tasks), len(tasks), groups
+        if self.scratch is None or not self.scratch.fits(packed, needed):
+            self.scratch = _WeighScratch(packed, needed, self.device)
+        stride = packed.host.size // self.point_count
+        return self.scratch.weigh(tasks, groups, stride)[: self.count]
+
+    def _bits(self) -> np.ndarray:
+        bits = np.zeros((self.count, self.point_count), bool)
+        for row, places in zip(bits, self.lists, strict=True):
+            row[places] = True
+        return bits
+
+    def _pack(self, begin: int, bits: np.ndarray) -> None:
+        """Write candidates from `begin` on, point-major: the points of one candidate are whole rows."""
+        end = begin + len(bits)
+        stride = 0 if self.packed is None else self.packed.host.size // self.point_count
+        if self.packed is None or end > stride:
+            wider = Buffer(
+                self.point_count * GROUP * max(1, -(-(end + end // 2) // GROUP)), np.uint8, self.device
+            )
+            if self.packed is not None and stride:
+                wider.host.reshape(self.point_count, -1)[:, :begin] = self.packed.host.reshape(
+                    self.point_count, -1
+                )[:, :begin]
+            self.packed = wider
+        self.packed.host.reshape(self.point_count, -1)[:, begin:end] = bits.T
+        self.packed.upload()
+
+
+class _WeighScratch:
+    """Arrays of fixed size for `Holdings.weigh`, and the launch on them."""
+
+    def __init__(self, packed: Buffer, needed: tuple[int, int, int], device: wp.Device):
+        points, tasks, groups = (2 * number for number in needed)
+        self.packed, self.limits = packed, (max(points, 4096), max(tasks, 8), groups)
+        self.points = Buffer(self.limits[0], np.int32, device)
+        self.weights = Buffer(self.limits[0], np.float32, device)
+        self.edges = Buffer(self.limits[1] + 1, np.int32, device)
+        self.size = Buffer(2, np.int32, device)
+        self.sums = Buffer(self.limits[1] * groups * GROUP, np.float32, device)
+        self.threads, self.device = 0, device
+        self.run = Replay(self._launch, device, capture=False)
+
+    def fits(self, packed: Buffer, needed: tuple[int, int, int]) -> bool:
+        """Whether tasks of this many points, tasks and groups of candidates fit in."""
+        return packed is self.packed and all(
+            number <= limit for number, limit in zip(needed, self.limits, strict=True)
+        )
+
+    def _launch(self) -> None:
+        launch(
+            add_point_weights_kernel,
+            lambda: self.threads,
+            [self.packed.array, self.points.array, self.weights.array, self.edges.array, self.size.array],
+            [self.sums.array],
+            self.device,
+            seconds_per_thread=1e-6,
+        )
+
+    def weigh(self, tasks: list[tuple[np.ndarray, np.ndarray]], groups: int, stride: int) -> np.ndarray:
+        """Sums (groups * GROUP, tasks)."""
+        end = 0
+        for number, (points, weights) in enumerate(tasks):
+            self.points.host[end : end + len(points)] = points
+            self.weights.host[end : end + len(points)] = weights
+            end += len(points)
+            self.edges.host[number + 1] = end
+        self.size.host[:] = groups, stride
+        for buffer in (self.points, self.weights, self.edges, self.size):
+            buffer.upload()
+        self.threads = len(tasks) * groups
+        self.run()
+        sums = self.sums.download()[: self.threads * GROUP]
+        return sums.reshape(len(tasks), -1).T.copy()
+
+
+class RemovalSums:
+    """What would no longer be held without each member of a choice."""
+
+    def __init__(self, holdings: Holdings, counts: np.ndarray, kind: np.ndarray, weight: np.ndarray):
+        """`counts` (n,) int32, how many members hold each point, is kept up to date by the caller, in place; `kind`
+        (n,) 0 to 3 and `weight` (n,) are the points'."""
+        self.device, self.counts = holdings.device, counts
+        self.edges = np.append(0, np.cumsum(holdings.sizes)).astype(np.int32)
+        points = np.concatenate(holdings.lists) if holdings.lists else np.zeros(0)
+        fixed = [self.edges, points.astype(np.int32)]
+        self.fixed = [wp.array(values, dtype=int, device=self.device) for values in fixed]
+        # On the CPU the same memory: it changes with the caller's.
+        self.seen = wp.array(counts, dtype=int, device=self.device, copy=not self.device.is_cpu)
+        self.kind = wp.array(kind.astype(np.uint8), dtype=wp.uint8, device=self.device)
+        self.weight = wp.array(weight.astype(np.float64), dtype=wp.float64, device=self.device)
+        self.members = Buffer(holdings.count, np.int32, self.device)
+        self.sums = Buffer(holdings.count * SUMS, np.float64, self.device)
+        self.member_count = 0
+        self.run = Replay(self._launch, self.device, capture=False)
+
+    def _launch(self) -> None:
         launch(
             sum_removals_kernel,
-            len(members),
-            [
-                wp.array(np.array(members, np.int32), dtype=int, device=self.device),
-                self.edges,
-                self.points,
-                wp.array(counts, dtype=int, device=self.device, copy=False),
-                self.kind,
-                self.weight,
-            ],
-            [sums],
+            lambda: self.member_count,
+            [self.members.array, *self.fixed, self.seen, self.kind, self.weight],
+            [self.sums.array],
             self.device,
-            seconds_per_thread=2e-9 * float(self.sizes[members].mean()) if members else 0.0,
+            seconds_per_thread=1e-6,
         )
-        return sums.numpy().reshape(-1, 5)
+
+    def of(self, members: list[int]) -> np.ndarray:
+        """Weights uncovered by kind, and box points no longer held twice, without each: (members, SUMS) float64."""
+        self.member_count = len(members)
+        self.members.host[: len(members)] = members
+        self.members.upload()
+        if not self.device.is_cpu:
+            self.seen.assign(self.counts)
+        self.run()
+        return self.sums.download()[: len(members) * SUMS].reshape(-1, SUMS).copy()

@@ -21,17 +21,20 @@ class Replay:
         body: makes launches by `launch` and touches arrays in no other way; their arguments are the same every time,
             but for counts given as functions, which are asked each time on the CPU.
         device: of the launches. The kernels must be loaded where it is a GPU: nothing may be loaded during a capture.
+        capture: whether a GPU may capture them; not so if counts change.
     """
 
-    def __init__(self, body: Callable[[], None], device: wp.Device):
-        self.body, self.device = body, device
+    def __init__(self, body: Callable[[], None], device: wp.Device, capture: bool = True):
+        self.body, self.device, self.capture = body, device, capture
         self.graph: Any = None
         self.commands: list[Callable[[], None]] | None = None
 
     def __call__(self) -> None:
         """Run the sequence."""
-        if self.device.is_cuda:
+        if self.device.is_cuda and self.capture:
             self._run_graph()
+        elif self.device.is_cuda:
+            self.body()
         elif self.commands is None:
             with recorded() as commands:
                 self.body()

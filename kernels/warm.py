@@ -21,7 +21,7 @@ from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
 from .morphology import deepest_core
 from .normal_equations import normal_equations
-from .occupancy import CandidateBits
+from .occupancy import Holdings, RemovalSums
 from .owned_points import owned_points
 from .ownership import find_owners, ownership_arrays
 from .points import point_blocks
@@ -40,7 +40,9 @@ def warm_kernels(device: wp.Device) -> float:
         rows = empty_rows(1)
         rows[0, SHAPES:-2] = entry.shape_row()
         _warm_primitives(PrimitiveSet(rows, [name], device, requires_grad=True), points)
-    CandidateBits(np.ones((1, 4), bool), device).weigh([(np.arange(4), np.ones(4))])
+    holdings = Holdings(np.ones((1, 4), bool), device)
+    holdings.weigh([(np.arange(4), np.ones(4))])
+    RemovalSums(holdings, np.ones(4, np.int32), np.zeros(4), np.ones(4)).of([0])
     _warm_grids(device)
     return time.perf_counter() - begin
 
