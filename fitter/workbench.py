@@ -12,8 +12,9 @@ import warp as wp
 
 from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
 from ..decomposition.region import Region
+from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
-from ..kernels.points import PointBlocks, from_grid_blocks, grid_blocks, point_blocks
+from ..kernels.points import PointBlocks, any_in_blocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, ROW
 from ..target.deviation import surface_distances
@@ -61,6 +62,10 @@ class Workbench:
         shape, lower, spacing = cell_centres(target.resolution)
         self.grid_shape = shape
         self.grid_points = grid_blocks(shape, lower, spacing, device)
+        self.grid_bounds = bound_blocks(self.grid_points)
+        self.inside_target = target.grid < 0
+        self.inside_count = np.count_nonzero(self.inside_target)
+        self.grid_wanted = wp.array(any_in_blocks(self.inside_target), dtype=int, device=device)
         self.coarse_cells, centres = coarse_inside(target.grid)
         self.coarse_blocks = point_blocks(centres, device)
         self.alpha = config.parsimony
@@ -91,12 +96,18 @@ class Workbench:
         return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)
 
     def look(self) -> None:
-        """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU."""
+        """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU.
+
+        Outside both the field may be FAR.
+        """
         with self.timed("field"):
             primitives = PrimitiveSet(self.rows, self.families(self.rows), self.device)
-            self.field = from_grid_blocks(union_at(primitives, self.grid_points).numpy(), self.grid_shape)
-            inside, held = self.target.grid < 0, self.field < 0
-            self.iou = float((inside & held).sum() / max(1, (inside | held).sum()))
+            lists = cull(primitives, self.grid_points, self.grid_bounds, self.grid_wanted)
+            values = union_at(primitives, self.grid_points, lists=lists).numpy()
+            self.field = from_grid_blocks(values, self.grid_shape)
+            held = self.field < 0
+            both = np.count_nonzero(self.inside_target & held)
+            self.iou = both / max(1, self.inside_count + np.count_nonzero(held) - both)
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:

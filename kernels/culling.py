@@ -113,11 +113,15 @@ def cull_blocks_kernel(
     reach: wp.array[float],
     primitive_count: int,
     stride: int,
+    wanted: wp.array[int],
     # outputs
     out_ids: wp.array[int],
     out_counts: wp.array[int],
 ):
-    """Fold the bounds of one block and list the primitives that can change its values."""
+    """Fold the bounds of one block and list the primitives that can change its values.
+
+    A block that is not `wanted` is only asked for its sign: outside the union it needs none.
+    """
     block = first + wp.tid()
     low = float(FAR)
     high = float(FAR)
@@ -136,7 +140,7 @@ def cull_blocks_kernel(
             quarter = quarter_inverse(blend)
             low = smooth_minimum(low, at - spread, blend, quarter)
             high = smooth_minimum(high, at + spread, blend, quarter)
-    out_counts[block] = count
+    out_counts[block] = wp.where(wanted[block] == 0, wp.where(low > 0.0, 0, count), count)
 
 
 @dataclass(frozen=True)
@@ -164,9 +168,24 @@ def bound_blocks(blocks: PointBlocks) -> BlockBounds:
     return BlockBounds(*arrays)
 
 
-def cull(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds | None = None) -> ActiveLists:
-    """Active lists of every block. Exact: the union over them has the same values as over all primitives."""
+def cull(
+    primitives: PrimitiveSet,
+    blocks: PointBlocks,
+    bounds: BlockBounds | None = None,
+    wanted: wp.array | None = None,
+) -> ActiveLists:
+    """Active lists of every block. Exact: the union over them has the same values as over all primitives.
+
+    Args:
+        primitives: the assembly.
+        blocks: the points.
+        bounds: of the blocks, if they are known.
+        wanted: (block_count,) int32, 0 where a block's values do not matter as long as they are positive outside the
+            union: there it may come out as FAR. All blocks matter unless given.
+    """
     device = blocks.device
+    if wanted is None:
+        wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
     bounds = bounds or bound_blocks(blocks)
     size = padded_count(blocks.block_count)
     middle = wp.empty(len(primitives) * size, dtype=float, device=device)
@@ -194,7 +213,7 @@ def cull(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds | No
     launch(
         cull_blocks_kernel,
         blocks.block_count,
-        [primitives.rows, middle, reach, len(primitives), size],
+        [primitives.rows, middle, reach, len(primitives), size, wanted],
         [ids, counts],
         device,
         seconds_per_thread=5e-9 * len(primitives),

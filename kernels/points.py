@@ -114,3 +114,18 @@ def from_grid_blocks(values: np.ndarray, shape: tuple[int, int, int]) -> np.ndar
     blocked = values.reshape(*cubes, CUBE, CUBE, CUBE).transpose(0, 3, 1, 4, 2, 5)
     grid = blocked.reshape(cubes[0] * CUBE, cubes[1] * CUBE, cubes[2] * CUBE)
     return np.ascontiguousarray(grid[: shape[0], : shape[1], : shape[2]])
+
+
+def any_in_blocks(mask: np.ndarray) -> np.ndarray:
+    """Whether any point of each block of `grid_blocks` is true in `mask`, the grid's: (block_count,) int32."""
+    size = [-(-n // CUBE) * CUBE for n in mask.shape]
+    whole = np.zeros(size, bool)
+    whole[tuple(slice(0, n) for n in mask.shape)] = mask
+    for axis in range(3):
+        parts = [slice(None)] * 3
+        found = np.zeros(1, bool)
+        for offset in range(CUBE):
+            parts[axis] = slice(offset, None, CUBE)
+            found = found | whole[tuple(parts)]
+        whole = found
+    return whole.ravel().astype(np.int32)
