@@ -29,6 +29,9 @@ from .workbench import Progress
 MERGED = (40.0, 300.0)
 """Sharpness of the refinement of a merged part and those around it."""
 
+MERGE_STEPS = 12
+"""Levenberg steps of it."""
+
 REACHED = (Status.TARGET_IOU, Status.TOLERANCE)
 """Stops that the rows of the moment have earned: another set, or a last polish by the objective, may fall short."""
 
@@ -180,7 +183,10 @@ class Fit(Track):
         Selection compares what was refined together with candidates as they were fitted, so that it holds on to two
         parts, a shell and its filling say, where one would do.
         """
-        tries, settings = self.config.polish.merges, replace(self.config.sharpen, betas=MERGED)
+        tries, settings = (
+            self.config.polish.merges,
+            replace(self.config.sharpen, betas=MERGED, iterations=MERGE_STEPS),
+        )
         moves = mergers(self.rows, self.memory, self, tries)
         while moves and tries and not self.should_stop():
             before, tries = self.score, tries - 1

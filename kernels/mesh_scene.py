@@ -165,7 +165,7 @@ class MeshScene:
         self._mesh: wp.Mesh | None = None
         self._color = wp.vec3(*to_linear(np.array(color)).tolist())
         self._smooth = smooth
-        self._open_rays, self._light_rays = max(5, 20 // rays_per_pixel), max(3, 12 // rays_per_pixel)
+        self._open_rays, self._light_rays = max(3, 12 // rays_per_pixel), max(2, 8 // rays_per_pixel)
         if len(faces):
             used = vertices[faces.ravel()]
             self.lower, self.upper = used.min(axis=0).astype(float), used.max(axis=0).astype(float)
