@@ -12,7 +12,7 @@ from resfit.fitter.config import SelectConfig
 from resfit.fitter.objective import SEARCH_OVERLAP_PRICE, ObjectiveSamples, Tally
 from resfit.fitter.select import prune, select
 from resfit.kernels import launch as launching
-from resfit.kernels.occupancy import CandidateBits
+from resfit.kernels.occupancy import Holdings
 
 
 def line_samples(rng, count=4000):
@@ -44,15 +44,24 @@ def exact_objective(bits, samples, alpha):
 
 
 def test_bits_are_weighed_exactly(device, rng, monkeypatch):
+    """Whatever was appended and forgotten before, the sums are those of the candidates that are left."""
     bits = rng.uniform(size=(130, 3000)) < 0.3
     tasks = [(rng.choice(3000, size, replace=False), rng.normal(size=size)) for size in (0, 1, 50, 2000)]
+    expected = np.stack([bits[:, points] @ weights for points, weights in tasks], 1)
     results = []
     for cores in (1, 2):
         monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
-        results.append(CandidateBits(bits, device).weigh(tasks))
-    expected = np.stack([bits[:, points] @ weights for points, weights in tasks], 1)
+        holdings = Holdings(bits[:100], device)
+        np.testing.assert_allclose(holdings.weigh(tasks), expected[:100], atol=1e-4)
+        holdings.append(~bits)
+        holdings.truncate(100)
+        holdings.append(bits[100:])
+        results.append(holdings.weigh(tasks))
     np.testing.assert_allclose(results[0], expected, atol=1e-4)
     assert results[0].tobytes() == results[1].tobytes()
+    holdings.drop_first(70)
+    np.testing.assert_allclose(holdings.weigh(tasks[2:]), expected[70:, 2:], atol=1e-4)
+    np.testing.assert_array_equal(holdings.sizes, bits[70:].sum(1))
 
 
 def test_gains_stay_those_of_the_definition(device, rng):
@@ -60,7 +69,7 @@ def test_gains_stay_those_of_the_definition(device, rng):
     samples = line_samples(rng)
     edges = np.sort(rng.uniform(-1, 1, (25, 2)), axis=1)
     bits, tally, alpha = spans(samples, edges), Tally(samples), 1e-3
-    choice = Chooser(bits, tally, alpha, device)
+    choice = Chooser(Holdings(bits, device), tally, alpha)
     for index in (3, 7, 11, 2, 19):
         choice.add(index)
     choice.remove(11)
@@ -88,7 +97,7 @@ def test_selection_finds_the_best_set(device, rng):
     for _ in range(10):
         edges = np.sort(rng.uniform(-1, 1, (10, 2)), axis=1)
         bits = spans(samples, edges)
-        chosen = select(bits, tally, alpha, SelectConfig(), device)
+        chosen = select(Holdings(bits, device), tally, alpha, SelectConfig())
         found = exact_objective(bits[chosen], samples, alpha) if chosen else 0.0
         best = max(
             exact_objective(bits[list(group)], samples, alpha)
@@ -102,18 +111,18 @@ def test_two_halves_give_way_to_the_whole(device, rng):
     """Greedy choice of halves is mended when one candidate does for both."""
     samples = line_samples(rng)
     bits = spans(samples, [(-0.8, 0.0), (0.0, 0.8), (-0.8, 0.8)])
-    assert select(bits, Tally(samples), 1e-3, SelectConfig(), device, start=2) == [2]
+    assert select(Holdings(bits, device), Tally(samples), 1e-3, SelectConfig(), start=[0, 1]) == [2]
 
 
 def test_limits(device, rng):
     samples = line_samples(rng)
     bits = spans(samples, [(-0.8, -0.3), (-0.3, 0.3), (0.3, 0.8)])
     tally = Tally(samples)
-    assert sorted(select(bits, tally, 1e-3, SelectConfig(), device)) == [0, 1, 2]
-    assert len(select(bits, tally, 1e-3, SelectConfig(), device, most=2)) == 2
-    assert select(bits[:0], tally, 1e-3, SelectConfig(), device) == []
+    assert sorted(select(Holdings(bits, device), tally, 1e-3, SelectConfig())) == [0, 1, 2]
+    assert len(select(Holdings(bits, device), tally, 1e-3, SelectConfig(), most=2)) == 2
+    assert select(Holdings(bits[:0], device), tally, 1e-3, SelectConfig()) == []
     outside = spans(samples, [(0.85, 1.0)])
-    assert select(outside, tally, 1e-3, SelectConfig(), device) == []
+    assert select(Holdings(outside, device), tally, 1e-3, SelectConfig()) == []
 
 
 def test_prune_drops_what_does_not_pay(device, rng):

@@ -134,6 +134,16 @@ class FitResult:
             if len(self.assembly.primitives) <= MAX_PARTS:
                 self.write_page(folder / "viewer.html")
 
+    def write_page(self, path: Path) -> None:
+        """Write the page that shows and edits the assembly, with the input to compare it with."""
+        from trimesh import Trimesh
+
+        mesh = Trimesh(
+            self.assembly.transform.to_mesh(self.target.vertices), self.target.faces, process=False
+        )
+        facts = report_facts(self.report(self.metrics, self.timings))
+        write_html(self.assembly, path, mesh=mesh, up=self.up, title=self.input.name, facts=facts)
+
     @property
     def up(self) -> Literal["y", "z"]:
         """The axis that points up in pictures, by the input's format."""
