@@ -18,7 +18,7 @@ from ..assembly.primitive import Primitive
 from ..assembly.surface import Surface, part_surface, union_surface
 from ..kernels.field import evaluate_primitives
 
-LIVE_CELLS, PART_CELLS = 16, 32
+LIVE_CELLS, PART_CELLS = 16, 24
 """Cells along a part's longest side, while it is dragged and at rest: 16 take a few milliseconds."""
 
 LIVE_UNION_CELLS, UNION_CELLS = 48, 128

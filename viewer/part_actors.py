@@ -61,9 +61,9 @@ class PartActors:
         surfaces: where their meshes come from.
     """
 
-    def __init__(self, plotter: Plotter, device: str = "auto") -> None:
-        """Draw into a plotter, with surfaces from `device`."""
-        self.plotter = plotter
+    def __init__(self, plotter: Plotter, device: str = "auto", cells: int = PART_CELLS) -> None:
+        """Draw into a plotter, with surfaces from `device`, `cells` along a part's longest side."""
+        self.plotter, self.cells = plotter, cells
         self.surfaces = PartSurfaces(device)
         self.parts: dict[PartRef, PartActor] = {}
         self.joined: dict[int, JoinedActor] = {}
@@ -127,7 +127,7 @@ class PartActors:
     def _sync_part(
         self, ref: PartRef, part: Primitive, matrix: np.ndarray, view: View, selected: bool, live: bool
     ) -> None:
-        cells = LIVE_CELLS if live and not self.surfaces.has(part, PART_CELLS) else PART_CELLS
+        cells = LIVE_CELLS if live and not self.surfaces.has(part, self.cells) else self.cells
         shape = shape_key(part, cells)
         if ref not in self.parts:
             self.parts[ref] = self._make_part()

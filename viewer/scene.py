@@ -16,6 +16,7 @@ from .camera import OrbitCamera
 from .comparison import Comparison
 from .edits import EditSession, PartRef
 from .layers import Layers
+from .live_surface import PART_CELLS
 from .part_actors import PartActors
 from .stage import Plotter
 from .view import View
@@ -39,6 +40,7 @@ class Scene:
         view: View | None = None,
         camera: OrbitCamera | None = None,
         device: str = "auto",
+        cells: int = PART_CELLS,
     ) -> None:
         """Draw into a plotter.
 
@@ -48,13 +50,14 @@ class Scene:
             comparisons: the targets, one an assembly, None where there is none.
             view, camera: the usual ones unless given.
             device: where surfaces are computed.
+            cells: along the longest side of a part at rest.
         """
         self.plotter = plotter
         self.session = session
         self.comparisons = tuple(comparisons) or (None,) * len(session.state.assemblies)
         self.view = view or View()
         self.camera = camera or OrbitCamera()
-        self.parts = PartActors(plotter, device)
+        self.parts = PartActors(plotter, device, cells)
         self.layers = Layers(plotter)
         self._planes: dict[int, Any] = {}
         self.arrangement: Arrangement = arrange(session, self.view, self.comparisons)

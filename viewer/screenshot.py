@@ -20,6 +20,9 @@ from .view import View
 MAX_SIDE = 8192
 """Pixels: more than graphics drivers promise."""
 
+PICTURE_CELLS = 48
+"""Along a part's longest side: a picture that is taken once may take longer."""
+
 FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -59,7 +62,7 @@ def render_picture(
     """
     plotter = make_plotter(size, off_screen=True)
     try:
-        Scene(plotter, session, comparisons, view, camera, device)
+        Scene(plotter, session, comparisons, view, camera, device, PICTURE_CELLS)
         return grab(plotter)
     finally:
         plotter.close()
