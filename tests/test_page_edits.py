@@ -247,6 +247,28 @@ def test_shader_draws_on_shadertoy(opened: Callable[..., Page], rng: np.random.G
     assert whole[hit].std() > 20
 
 
+MOVING = """new Promise(done => {
+  let left = 8;
+  (function move() {
+    if (!left--) return done(viewer.renderer.scale);
+    viewer.actions.orbit(5, 0);
+    requestAnimationFrame(() => requestAnimationFrame(move));
+  })();
+})"""
+
+
+@pytest.mark.parametrize(
+    ("milliseconds", "low", "high"), [(1.0, 1.0, 1.0), (100.0, 0.1, 0.1), (13.0, 0.35, 0.6)]
+)
+def test_moving_pictures_are_as_fine_as_time_allows(
+    opened: Callable[..., Page], lamp: Assembly, milliseconds: float, low: float, high: float
+) -> None:
+    """By a clock that goes on by so much whenever it is read: the speed of this machine does not matter."""
+    clock = f"let clock = 0; performance.now = () => clock += {milliseconds};"
+    page = opened(lamp, script=clock, up="z", context={"viewport": {"width": SIDEBAR + WIDTH, "height": 16}})
+    assert low <= page.evaluate(MOVING) <= high
+
+
 def test_dark_where_that_is_preferred(opened: Callable[..., Page], lamp: Assembly) -> None:
     size = {"width": SIDEBAR + WIDTH, "height": HEIGHT}
     page = opened(lamp, up="z", context={"viewport": size, "color_scheme": "dark"})

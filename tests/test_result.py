@@ -54,6 +54,18 @@ def test_assembly_is_in_the_frame_of_the_mesh(result: FitResult) -> None:
     assert distance[2] == pytest.approx(46.0, abs=1.0)
 
 
+def test_page_shows_the_input_where_it_lies(result: FitResult, mesh: trimesh.Trimesh, tmp_path: Path) -> None:
+    result.write_page(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+    transform = result.assembly.transform
+    low, size = (np.array(data["mesh"][key]) for key in ("low", "size"))
+    np.testing.assert_allclose(transform.to_mesh(np.array([low, low + size])), mesh.bounds, atol=1e-3)
+    assert data["title"] == "mesh" and data["facts"][0].startswith(
+        f"IoU {result.metrics['iou']:.3f} as fitted"
+    )
+
+
 def test_metrics_and_costs(result: FitResult) -> None:
     wanted = {"iou", "overlap", "unoverlap", "primitive_count", "floats", "cpu_s", "wall_s", "peak_mb"}
     assert set(result.metrics) == wanted

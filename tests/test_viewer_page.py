@@ -239,8 +239,10 @@ def test_download_loads_with_the_same_field(
 @pytest.mark.browser
 def test_names_stay_text(opened: Callable[..., Page], lamp: Assembly) -> None:
     part = replace(lamp.primitives[0], name=HOSTILE[:128])
-    page = opened(replace(lamp, primitives=(part, *lamp.primitives[1:])), title=HOSTILE)
+    page = opened(replace(lamp, primitives=(part, *lamp.primitives[1:])), title=HOSTILE, facts=[HOSTILE])
     page.evaluate("viewer.select(0)")
+    assert page.locator("#facts li").text_content() == HOSTILE
+    assert page.locator("#name").input_value() == HOSTILE[:128]
     assert page.evaluate("window.bad") is None
     assert page.locator("#parts .selected .name").text_content() == HOSTILE[:128]
     assert page.locator("h1").text_content() == page.title() == HOSTILE

@@ -216,6 +216,8 @@ function makeRenderer(canvas, camera) {
       }
       return rows;
     },
+    // Share of the full resolution, along a side, that is drawn while something moves.
+    get scale() { return scale; },
     get resting() { return pass >= 2 && shown === moved; },
   };
 }

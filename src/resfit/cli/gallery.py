@@ -69,7 +69,7 @@ def gallery(
 
 def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: float, title: str) -> int:
     """The same with all that is needed given."""
-    from resfit.eval.gallery import find_fits, write_gallery
+    from resfit.eval.gallery import find_fits, summary, write_gallery
     from resfit.eval.results import find_meshes
 
     folders = [path for path in paths if path.is_dir()]
@@ -89,7 +89,7 @@ def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: flo
     page = write_gallery(
         entries, output, lambda entry, path: write_page(entry, path, meshes.get(entry.sha256)), title
     )
-    sys.stdout.write(f"{page}: {len(entries)} fits\n")
+    sys.stdout.write(f"{page}: {summary(entries)}\n")
     return code
 
 
