@@ -1,7 +1,8 @@
-"""`resfit bench`: speed of this machine, of a fit and its stages, finding single primitives; worth of the choices."""
+"""`resfit bench`: speed here of kernels, fits and edits, finding single primitives, worth of the choices."""
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +15,7 @@ FAILED, STOPPED = 3, 4
 
 
 def bench(
-    what: Literal["kernels", "fit", "recovery", "ablation"] = "kernels",
+    what: Literal["kernels", "fit", "recovery", "ablation", "view"] = "kernels",
     /,
     *meshes: str,
     device: str = "auto",
@@ -35,7 +36,8 @@ def bench(
 
     Args:
         what: "kernels" times every kernel; "fit" times whole fits by stage; "recovery" fits random SuperFrusta to their
-            own voxel grids; "ablation" fits meshes in variants and writes ablation.md and ablation.tex.
+            own voxel grids; "ablation" fits meshes in variants and writes ablation.md and ablation.tex; "view" times
+            how long edits take to show.
         meshes: of fit and the ablation: files, folders or lists, as for resfit compare; fit takes the bundled ones if
             there are none.
         device: auto, cpu or cuda:0.
@@ -66,9 +68,20 @@ def bench(
         from resfit.eval.bench.recovery import run_recovery
 
         return run_recovery(device=device, as_json=as_json, count=count)
+    if what == "view":
+        return views(device, as_json)
     from resfit.eval.bench.kernels import run_kernels
 
     return run_kernels(device=device, as_json=as_json, markdown=markdown)
+
+
+def views(device: str, as_json: bool) -> int:
+    """Time how long edits take to show in `resfit view`."""
+    from resfit.viewer.bench import as_dict, describe, measure_view
+
+    times = measure_view(device=device)
+    sys.stdout.write(json.dumps(as_dict(times), indent=2) + "\n" if as_json else describe(times))
+    return 0
 
 
 def fits(
