@@ -124,7 +124,7 @@ def write_gallery(
 
     Args:
         entries: the fits.
-        out: folder of the gallery; what an earlier gallery has written there is replaced.
+        out: folder of the gallery; files of an earlier one that have the same names are replaced.
         write_page: writes the page of a fit that has none.
         title: of the page.
 

@@ -265,7 +265,7 @@ def test_moving_pictures_are_as_fine_as_time_allows(
 ) -> None:
     """By a clock that goes on by so much whenever it is read: the speed of this machine does not matter."""
     clock = f"let clock = 0; performance.now = () => clock += {milliseconds};"
-    page = opened(lamp, script=clock, up="z", context={"viewport": {"width": SIDEBAR + WIDTH, "height": 16}})
+    page = opened(lamp, script=clock, up="z")
     assert low <= page.evaluate(MOVING) <= high
 
 

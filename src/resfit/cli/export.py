@@ -47,8 +47,8 @@ def export(
     if top is not None and top < 1:
         raise InputError(f"--top {top} is out of range; it must be at least 1.")
     pages = [path for path in outputs if path.suffix.lower() in PAGES]
-    if mesh is not None and not pages:
-        raise InputError("--mesh is for pages; give a file to write that ends in .html.")
+    if (mesh or up) and not pages:
+        raise InputError("--mesh and --up are for pages; give a file to write that ends in .html.")
     whole = loaded = Assembly.load(assembly)
     if top is not None and top < len(whole.primitives):
         from resfit.assembly.worth import part_worths
