@@ -141,6 +141,7 @@ class PartActors:
         drawn.body.user_matrix = placed
         drawn.edges.user_matrix = placed
         drawn.body.prop.color = part.color
+        drawn.body.prop.culling = _culling(view)
         drawn.body.prop.style = "wireframe" if view.wireframe else "surface"
         drawn.body.prop.ambient = 0.5 if selected else AMBIENT
         # What is left over lies inside parts as well as outside.
@@ -172,6 +173,7 @@ class PartActors:
             drawn.key, drawn.owners = key, surface.owners
             drawn.names = tuple(part.name for part in placed.assembly.primitives)
         drawn.body.user_matrix = placed.matrix
+        drawn.body.prop.culling = _culling(view)
         drawn.body.prop.style = "wireframe" if view.wireframe else "surface"
         drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual else 1.0
         drawn.body.visibility = not view.error
@@ -203,3 +205,8 @@ class PartActors:
     def _show(drawn: PartActor, body: bool, edges: bool) -> None:
         drawn.body.visibility = body
         drawn.edges.visibility = edges
+
+
+def _culling(view: View) -> str:
+    """Which faces are left out: insides, unless surfaces are cut open. Without a GPU that saves almost half a picture."""
+    return "none" if view.section else "back"
