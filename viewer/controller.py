@@ -290,12 +290,17 @@ class Controller:
         self.message = f"exported {', '.join(map(str, paths))}"
 
     def do_screenshot(self) -> None:
-        from .screenshot import grab, write_picture
+        from .screenshot import render_picture, write_picture
 
+        scene = self.scene
+        width, height = scene.plotter.renderer.GetSize()
+        image = render_picture(
+            self.session, scene.comparisons, scene.view, scene.camera, (2 * width, 2 * height), framed=False
+        )
         path = next(
             path for k in range(1, 10_000) if not (path := Path(f"{self.title}_{k:02d}.png")).exists()
         )
-        write_picture(grab(self.scene.plotter), path)
+        write_picture(image, path)
         self.message = f"wrote {path}"
 
     def do_help(self) -> None:

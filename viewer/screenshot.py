@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,29 +50,39 @@ def render_picture(
     camera: OrbitCamera | None = None,
     size: tuple[int, int] = (1280, 800),
     device: str = "auto",
+    framed: bool = True,
 ) -> np.ndarray:
     """Draw a scene off-screen.
 
     Args:
         session, comparisons, view, device: as for `Scene`.
-        camera: its angles; distance and target are set so that everything is seen.
+        camera: where to look from.
         size: width and height, pixels.
+        framed: whether only the camera's angles count, and everything is seen; else it stays where it is.
 
     Returns:
         (height, width, 3) uint8, sRGB, row 0 on top.
     """
     plotter = make_plotter(size, off_screen=True)
     try:
-        Scene(plotter, session, comparisons, view, camera, device, PICTURE_CELLS)
+        camera = replace(camera) if camera else OrbitCamera()
+        distance, target = camera.distance, camera.target
+        scene = Scene(plotter, session, comparisons, view, camera, device, PICTURE_CELLS)
+        if not framed:
+            camera.distance, camera.target = distance, target
+            scene.look()
         return grab(plotter)
     finally:
         plotter.close()
 
 
 def grab(plotter: Plotter) -> np.ndarray:
-    """What a plotter shows, edges smoothed: (height, width, 3) uint8, sRGB, row 0 on top."""
+    """What an off-screen plotter shows, edges smoothed: (height, width, 3) uint8, sRGB, row 0 on top."""
     smooth(plotter, True)
     try:
+        plotter.show(auto_close=False, interactive=False)
+        # Later pictures of the same plotter would else be the first one again.
+        plotter.render()
         return np.array(plotter.screenshot(return_img=True))[:, :, :3]
     finally:
         smooth(plotter, False)

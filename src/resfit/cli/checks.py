@@ -13,7 +13,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from resfit.errors import ResfitError
-from resfit.viewer.probe import PACKAGES, finish_child, probe_rendering, start_child
+from resfit.viewer.probe import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
+
+CHILD_SECONDS = SECONDS
 
 
 @dataclass(frozen=True)
@@ -159,4 +161,4 @@ def _pyvista() -> str:
 
 def _child(code: str) -> str:
     """Run Python code in another process and return the last line that it prints."""
-    return finish_child(start_child(code))
+    return finish_child(start_child(code), CHILD_SECONDS)
