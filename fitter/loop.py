@@ -23,7 +23,7 @@ from .objective import at_price
 from .outcome import Outcome, Status
 from .refine import refine
 from .select import prune
-from .track import RICH_ROUNDS, SECOND_RICH, Track
+from .track import RICH_ROUNDS, SATURATION, SECOND_RICH, TRACK_SATURATION, Track
 from .workbench import Progress
 
 MERGED = (40.0, 300.0)
@@ -80,17 +80,19 @@ class Fit(Track):
         limit = int(config.rounds / (tracks + 0.5)) if tracks > 1 else config.rounds
         if limit <= len(RICH_ROUNDS):
             return self.run_track(config.rounds, RICH_ROUNDS)
+        self.saturation = SATURATION if tracks == 1 else TRACK_SATURATION
         if tracks == 1 or len(self.rows):
             status, ends = self.run_track(limit, RICH_ROUNDS), [self.rows]
         else:
             status, ends = self.run_two(limit)
-        while status in ENDED and tracks > max(2, len(ends)):
+        while status in ENDED and len(ends) < tracks:
             self.take_best()
             self.slabs = True
             status = self.run_track(limit, RICH_ROUNDS)
             ends.append(self.rows)
         if status in ENDED and len(ends) > 1:
             self.take_best()
+            self.saturation = SATURATION
             status = self.run_track(max(1, config.rounds - len(self.rounds)), (), np.concatenate(ends))
         return status
 

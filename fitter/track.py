@@ -31,6 +31,9 @@ from .workbench import Progress, Workbench
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
 
+TRACK_SATURATION = 4e-3
+"""The same in a track that is followed by more."""
+
 RICH_ROUNDS = ((0.3, 2.5), (0.5, 2.0), (0.75, 1.4))
 """Price of a primitive, as a share of the full one, and weight of false volume in the first rounds. An assembly that
 is rich and precise at first finds what belongs together; one that is poor and bulky at first stays so (a plate with
@@ -66,6 +69,7 @@ class Track(Workbench):
         self.slabs = config.excursions == 0
         """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
         offer, a greedy choice takes them and never gets to what they are made of."""
+        self.saturation = SATURATION
         self.rounds: list[Round] = []
         self.best_rows, self.best_score, self.best_iou = self.rows, self.score, self.iou
 
@@ -104,7 +108,7 @@ class Track(Workbench):
                 return reason
             if rich is None:
                 score = at_price(self.score, self.config.parsimony, self.alpha).objective
-                if score - top <= SATURATION:
+                if score - top <= self.saturation:
                     return Status.SATURATED
                 top = score
         return Status.ROUNDS
