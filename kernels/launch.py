@@ -48,9 +48,10 @@ _local = threading.local()
 _started = False
 _pool: ThreadPoolExecutor | None = None
 _loaded: set[tuple[str, str]] = set()
+_locks: dict[tuple[str, str], threading.Lock] = {}
 _noticed = False
 compile_seconds = 0.0
-"""Wall seconds spent in compiling or loading modules so far, reported apart from the work itself."""
+"""Seconds spent in compiling or loading modules so far, added up over threads."""
 
 
 def start() -> None:
@@ -135,12 +136,22 @@ def pool() -> ThreadPoolExecutor:
 
 
 def load(kernel: wp.Kernel, device: wp.Device) -> None:
-    """Compile or load the module of `kernel`, with one notice on stderr if that takes long enough to be noticed."""
+    """Compile or load the module of `kernel`."""
+    load_module(kernel.module, device)
+
+
+def load_module(module: wp.Module, device: wp.Device) -> None:
+    """Compile or load a module, with one notice on stderr if that takes long enough to be noticed.
+
+    Several threads may load different modules at once; those that want the same one wait for the first.
+    """
     global compile_seconds
-    key = (kernel.module.name, device.alias)
+    key = (module.name, device.alias)
     if key in _loaded:
         return
     with _start_lock:
+        lock = _locks.setdefault(key, threading.Lock())
+    with lock:
         if key in _loaded:
             return
         notice = threading.Timer(_NOTICE_SECONDS, _notice_compiling)
@@ -148,11 +159,12 @@ def load(kernel: wp.Kernel, device: wp.Device) -> None:
         notice.start()
         begin = time.perf_counter()
         try:
-            wp.load_module(kernel.module, device=device)
+            wp.load_module(module, device=device)
         finally:
             notice.cancel()
-        compile_seconds += time.perf_counter() - begin
-        _loaded.add(key)
+        with _start_lock:
+            compile_seconds += time.perf_counter() - begin
+            _loaded.add(key)
 
 
 def _notice_compiling() -> None:

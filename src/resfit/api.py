@@ -24,6 +24,7 @@ from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.stages import fit_stages
 from resfit.fitter.workbench import Progress
 from resfit.kernels import launch
+from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from resfit.measure import measure_outcome
@@ -96,6 +97,7 @@ def fit(
     check_objective(objective, start, config)
     begin, compiled = Clock.now(), launch.compile_seconds
     device = launch.choose_device(config.device)
+    prefetch(config.primitive, device)
     timings = {"start": clock.wall_s}
     tell = on_progress or (lambda progress: None)
     target = _measure(mesh_or_path, config, tell, timings)

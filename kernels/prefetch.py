@@ -1,0 +1,90 @@
+"""Compiling or loading in the background what a fit will need, while its mesh is still being read.
+
+Compilation lets go of the interpreter lock, so that several modules are compiled side by side; from the cache each
+takes milliseconds. Whoever needs a module that is still being compiled waits for that one alone.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import warp as wp
+
+from . import (
+    cell_list,
+    culling,
+    distance_grid,
+    field_scene,
+    loss_points,
+    loss_rows,
+    march,
+    mesh_grid,
+    mesh_probe,
+    mesh_query,
+    mesh_scene,
+    mesh_sign,
+    morphology,
+    occupancy,
+    ownership,
+    raytrace,
+    shading,
+    steps,
+    wavefront,
+)
+from .culling import bound_kernel
+from .field import field_kernels
+from .gradient import gradient_kernel
+from .launch import core_count, load_module
+from .normal_equations import add_systems_kernel, normal_equations_kernel
+from .ownership import find_owners_kernel
+from .primitive_set import derive_kernel
+
+Loads = list[Callable[[], wp.Module]]
+
+
+def modules_of_fit(family: str) -> Loads:
+    """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
+    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, morphology]
+    fitting = [steps, culling, occupancy, ownership, loss_points, loss_rows]
+    showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
+
+    def named(modules: list) -> Loads:
+        return [lambda module=module: wp.get_module(module.__name__) for module in modules]
+
+    def made(*kernels: Callable[[], wp.Kernel]) -> Loads:
+        return [lambda kernel=kernel: kernel().module for kernel in kernels]
+
+    return [
+        *made(lambda: normal_equations_kernel(family)),
+        *named(reading),
+        *made(lambda: derive_kernel(family), lambda: add_systems_kernel),
+        *named(fitting),
+        *made(
+            lambda: field_kernels(family)[0],
+            lambda: bound_kernel(family),
+            lambda: find_owners_kernel(family),
+            lambda: gradient_kernel(family),
+        ),
+        *named(showing),
+    ]
+
+
+def prefetch(family: str, device: wp.Device) -> None:
+    """Begin to load what a fit of one family needs, on as many threads as there are cores, and return at once."""
+    todo = modules_of_fit(family)
+    lock = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with lock:
+                if not todo:
+                    return
+                module = todo.pop(0)
+            try:
+                load_module(module(), device)
+            except Exception:  # Whoever needs it will meet the same error, and say so.
+                return
+
+    for _ in range(core_count()):
+        threading.Thread(target=work, name="resfit-prefetch", daemon=True).start()
