@@ -21,8 +21,10 @@ class Chooser(Cover):
 
     def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
         super().__init__(holdings, tally, alpha, false_volume)
-        everywhere = np.arange(holdings.point_count)
-        self.sums = self._weigh(everywhere, np.ones(len(everywhere)), everywhere[:0], np.zeros(0))
+        # With nothing chosen, a candidate adds just what would be missing if it alone were there.
+        self.counts.fill(1)
+        self.sums = self.removals.of(range(holdings.count))
+        self.counts.fill(0)
 
     def save(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
         """What `restore` needs to come back to this choice."""

@@ -6,6 +6,8 @@ held twice are counted too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
@@ -258,7 +260,7 @@ class RemovalSums:
             seconds_per_thread=1e-6,
         )
 
-    def of(self, members: list[int]) -> np.ndarray:
+    def of(self, members: Sequence[int]) -> np.ndarray:
         """Weights uncovered by kind, and box points no longer held twice, without each: (members, SUMS) float64."""
         self.member_count = len(members)
         self.members.host[: len(members)] = members
