@@ -46,9 +46,9 @@ class ProposeConfig:
     """Sample points a region is fitted to, half of them in stages that ask for half."""
     stages: tuple[FitStage, ...] = (
         FitStage(sharpness=2.0, iterations=5, keep=14, half=True),
-        FitStage(sharpness=2.0, iterations=4, keep=6, half=True),
-        FitStage(sharpness=5.0, iterations=6, keep=2),
-        FitStage(sharpness=12.0, iterations=10, keep=1),
+        FitStage(sharpness=3.0, iterations=5, keep=8, half=True),
+        FitStage(sharpness=6.0, iterations=6, keep=2),
+        FitStage(sharpness=12.0, iterations=12, keep=1),
     )
 
 
@@ -121,7 +121,7 @@ FAST_STAGES = (
 
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
-        "parsimony": 2.25e-3,
+        "parsimony": 2.35e-3,
         "rounds": 4,
         "excursions": 0,
         "samples": 8192,
@@ -132,7 +132,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "polish": PolishConfig(passes=1, merges=3),
     },
     "balanced": {
-        "parsimony": 2.25e-3,
+        "parsimony": 2.35e-3,
         "rounds": 20,
         "excursions": 1,
         "samples": 16_384,
