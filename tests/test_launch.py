@@ -2,6 +2,7 @@
 
 # No postponed annotations here: Warp reads the kernels' own.
 
+import ast
 import subprocess
 import sys
 
@@ -11,6 +12,7 @@ import warp as wp
 
 from resfit.errors import DeviceError
 from resfit.kernels import launch as launching
+from resfit.kernels.replay import Replay
 from resfit.kernels.warm import warm_kernels
 
 MODULE = "resfit.tests.launch"
@@ -63,3 +65,61 @@ def test_start_is_silent():
 def test_warm_compiles_everything_once(device):
     warm_kernels(device)
     assert warm_kernels(device) < 5.0
+
+
+def test_a_replay_repeats_its_launches(device):
+    """Fixed counts are packed once, counts that are functions are asked each time; one that is 0 launches nothing."""
+    sizes = [10]
+    out, other = (wp.zeros(20, dtype=int, device=device) for _ in range(2))
+
+    def body() -> None:
+        launching.launch(write_index_kernel, 20, [0], [out], device)
+        launching.launch(write_index_kernel, lambda: sizes[0], [0], [other], device, seconds_per_thread=1.0)
+
+    run = Replay(body, device, capture=False)
+    for size in (10, 20, 0):
+        sizes[0] = size
+        run()
+    np.testing.assert_array_equal(out.numpy(), 3)
+    np.testing.assert_array_equal(other.numpy(), [2] * 10 + [1] * 10)
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5])
+def test_a_replay_runs_every_thread_once(cores, device, monkeypatch):
+    monkeypatch.setattr(launching, "core_count", lambda: cores)
+    out = wp.zeros(1000, dtype=int, device=device)
+    run = Replay(
+        lambda: launching.launch(write_index_kernel, 1000, [3], [out], device, seconds_per_thread=1.0), device
+    )
+    run()
+    with launching.on_cores(2):
+        run()
+    np.testing.assert_array_equal(out.numpy(), 2 * (3 * np.arange(1000) + 1))
+
+
+def test_a_thread_keeps_to_its_cores(device, monkeypatch):
+    """On one core nothing is handed over to other threads."""
+    monkeypatch.setattr(launching, "core_count", lambda: 4)
+    monkeypatch.setattr(launching, "pool", lambda: pytest.fail("a launch was split"))
+    out = wp.zeros(1000, dtype=int, device=device)
+    with launching.on_cores(1):
+        launching.launch(write_index_kernel, 1000, [3], [out], device, seconds_per_thread=1.0)
+    assert out.numpy()[-1] == 3 * 999 + 1
+
+
+def test_modules_of_a_fit_are_those_that_it_uses(device):
+    """Nothing that a fit launches is missing from what is loaded ahead, the odd small module aside."""
+    code = (
+        "import trimesh, resfit;"
+        "from resfit.kernels import launch, prefetch;"
+        "from resfit.kernels.launch import choose_device;"
+        "choose_device('cpu');"
+        "ahead = {make().name for make in prefetch.modules_of_fit('superfrustum')};"
+        "resfit.fit(trimesh.creation.capsule(), preset='fast', device='cpu').preview();"
+        "print(sorted(name for name, _ in launch._loaded if name not in ahead));"
+        "print(sorted(ahead - {name for name, _ in launch._loaded}))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    missing, idle = (ast.literal_eval(line) for line in run.stdout.splitlines()[-2:])
+    assert len(missing) <= 6, missing
+    assert idle == []
