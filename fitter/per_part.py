@@ -155,7 +155,8 @@ def _fit_originals(
             if should_stop():
                 break
             held = sum(len(rows) for rows in fitted.values())
-            tell(Progress("parts", len(fitted) + 1, len(pieces), held, 0.0, 0.0, done / total))
+            rows, _, _ = put_together(pieces, copies, fitted)
+            tell(Progress("parts", len(fitted) + 1, len(pieces), held, 0.0, 0.0, done / total, rows))
             fitted[index], spent = fit_piece(pieces[index], target, config, device, should_stop)
             for stage, seconds in spent.items():
                 timings[stage] = timings.get(stage, 0.0) + seconds

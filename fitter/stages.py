@@ -81,7 +81,7 @@ def fit_stages(
 def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
     """A stage after the rounds begins."""
     count = len(outcome.rows)
-    return Progress(stage, 1, 1, count, outcome.score.objective, outcome.iou, done)
+    return Progress(stage, 1, 1, count, outcome.score.objective, outcome.iou, done, outcome.rows.copy())
 
 
 def takes_apart(config: FitConfig) -> bool:

@@ -38,6 +38,8 @@ class Progress:
     iou: float
     fraction: float
     """Rough share of the work done, 0 to 1."""
+    rows: np.ndarray | None = None
+    """The set of the moment, (primitive_count, ROW) float32, normalised frame; a copy. None where there is none."""
 
 
 class Workbench:
@@ -141,6 +143,7 @@ class Workbench:
                 self.score.objective,
                 self.iou,
                 share,
+                self.rows.copy(),
             )
         )
 
