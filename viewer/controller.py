@@ -97,6 +97,10 @@ class Controller:
         """Those of the selected part, or of the view where none is."""
         if self.session.selected is not None:
             return self.session.sliders(self.session.selected)
+        return self.view_sliders()
+
+    def view_sliders(self) -> tuple[Slider, ...]:
+        """How far parts are apart, and where the section lies."""
         view = self.scene.view
         return (
             Slider("view.explode", "View", "explode", "ratio", "how far parts are moved apart", (0.0, 1.0),
