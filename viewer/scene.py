@@ -84,11 +84,11 @@ class Scene:
         width, height = self.plotter.renderer.GetSize()
         if not (width and height):
             width, height = self.plotter.window_size
-        self.camera.frame(self._points(), width / height)
+        self.camera.frame(self.points(), width / height)
         self.look()
 
-    def _points(self) -> np.ndarray:
-        """What is to be seen, (n, 3)."""
+    def points(self) -> np.ndarray:
+        """What is to be seen, (n, 3), scene's frame."""
         points = [self.parts.points()]
         for placed in self.arrangement.placed:
             if (

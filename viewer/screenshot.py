@@ -39,6 +39,15 @@ def check_picture(path: Path, size: tuple[int, int]) -> None:
         )
     if not path.absolute().parent.is_dir():
         raise InputError(f"cannot write '{path}': there is no folder '{path.parent}'.")
+    check_size(size)
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Refuse a size (width, height) in pixels that makes no sense.
+
+    Raises:
+        InputError: if a side is out of range.
+    """
     if not all(16 <= side <= MAX_SIDE for side in size):
         raise InputError(f"--size {size[0]}x{size[1]} is out of range; sides must lie in [16, {MAX_SIDE}].")
 
