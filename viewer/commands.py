@@ -31,7 +31,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("hide", ("h",), "Select", "hide or show the selected part"),
     Command("isolate", ("i",), "Select", "show the selected part only, or all"),
     Command("show_all", ("H",), "Select", "show all parts"),
-    Command("joined", ("j",), "Show", "the smooth union as one surface"),
+    Command("joined", ("j",), "Show", "smooth joins between parts"),
     Command("edges", ("l",), "Show", "lines along sharp edges"),
     Command("wireframe", ("w",), "Show", "wireframe"),
     Command("labels", ("t",), "Show", "names of the parts"),

@@ -1,13 +1,14 @@
-"""The parts of a scene as actors: one mesh each, made anew only where a shape changed; or the smooth union."""
+"""The parts of a scene as actors: one mesh each, made anew only where a shape changed; and the smooth union."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..assembly.assembly import Assembly
 from ..assembly.primitive import Primitive
 from .arrangement import Arrangement, Placed
 from .edits import PartRef
@@ -83,11 +84,7 @@ class PartActors:
             for part in placed.assembly.primitives:
                 ref = PartRef(placed.item, part.name)
                 present.add(ref)
-                # In a union only the selected part is marked, by its edges.
-                if not view.joined or ref == selected:
-                    self._sync_part(ref, part, placed.matrix, view, ref == selected, live)
-                elif ref in self.parts:
-                    self._show(self.parts[ref], False, False)
+                self._sync_part(ref, part, placed.matrix, view, ref == selected, live)
         for ref in set(self.parts) - present:
             gone = self.parts.pop(ref)
             self.plotter.remove_actor([gone.body, gone.edges], render=False)
@@ -110,11 +107,13 @@ class PartActors:
 
     def points(self) -> np.ndarray:
         """All vertices (n, 3) of what is there, scene's frame."""
+        drawn = [(part.poly, part.body) for part in self.parts.values()]
+        drawn += [(joined.poly, joined.body) for joined in self.joined.values()]
         found = [np.zeros((0, 3))]
-        for part in self.parts.values():
-            if part.poly.n_points:
-                matrix = part.body.user_matrix
-                found.append(np.asarray(part.poly.points) @ matrix[:3, :3].T + matrix[:3, 3])
+        for poly, body in drawn:
+            if poly.n_points:
+                matrix = body.user_matrix
+                found.append(np.asarray(poly.points) @ matrix[:3, :3].T + matrix[:3, 3])
         return np.concatenate(found)
 
     def of_item(self, item: int) -> list[Any]:
@@ -148,21 +147,26 @@ class PartActors:
         drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual and not selected else 1.0
         drawn.edges.prop.color = ACCENT if selected else INK
         drawn.edges.prop.line_width = 3.0 if selected else 1.2
-        lined = view.edges and not (view.wireframe or view.joined or view.error)
-        self._show(drawn, not (view.joined or view.error), lined or selected)
+        lined = view.edges and not (view.wireframe or view.error)
+        drawn.body.visibility, drawn.edges.visibility = not view.error, lined or selected
 
     def _sync_joined(self, placed: Placed, view: View, live: bool) -> None:
-        if not view.joined:
-            if placed.item in self.joined:
-                self.joined[placed.item].body.visibility = False
+        """Draw the smooth union too: it shows where parts run into each other, and lies on them elsewhere.
+
+        While anything but a blend is dragged it waits: parts alone follow faster than the eye minds.
+        """
+        old, parts = self.joined.get(placed.item), placed.assembly.primitives
+        wanted = view.joined and any(part.blend > 0.0 for part in parts[1:])
+        wanted = wanted and not (view.error or view.residual or view.wireframe)
+        fine = (placed.assembly, UNION_CELLS)
+        key = (placed.assembly, LIVE_UNION_CELLS) if live and (old is None or old.key != fine) else fine
+        if wanted and live and old is not None and old.key != key:
+            wanted = _but_blends(old.key[0]) == _but_blends(placed.assembly)
+        if not wanted:
+            if old is not None:
+                old.body.visibility = False
             return
-        if placed.item not in self.joined:
-            poly, body = self._actor()
-            body.mapper.SetColorModeToDirectScalars()
-            self.joined[placed.item] = JoinedActor(poly, body)
-        drawn = self.joined[placed.item]
-        fine = drawn.key == (placed.assembly, UNION_CELLS)
-        key = placed.assembly, LIVE_UNION_CELLS if live and not fine else UNION_CELLS
+        drawn = self.joined[placed.item] = old or self._make_joined()
         if drawn.key != key:
             surface = joined_surface(*key, self.surfaces.device)
             poly = to_poly((surface.vertices, surface.faces), colors=surface.colors)
@@ -171,12 +175,18 @@ class PartActors:
             drawn.poly.copy_from(poly)
             drawn.body.mapper.scalar_visibility = True
             drawn.key, drawn.owners = key, surface.owners
-            drawn.names = tuple(part.name for part in placed.assembly.primitives)
+            drawn.names = tuple(part.name for part in parts)
         drawn.body.user_matrix = placed.matrix
         drawn.body.prop.culling = _culling(view)
-        drawn.body.prop.style = "wireframe" if view.wireframe else "surface"
-        drawn.body.prop.opacity = BESIDE_RESIDUAL if view.residual else 1.0
-        drawn.body.visibility = not view.error
+        drawn.body.visibility = True
+
+    def _make_joined(self) -> JoinedActor:
+        poly, body = self._actor()
+        body.mapper.SetColorModeToDirectScalars()
+        # Where both surfaces are the same, the part's own is the sharper one: it goes in front.
+        body.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        body.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 8.0)
+        return JoinedActor(poly, body)
 
     def _make_part(self) -> PartActor:
         poly, body = self._actor()
@@ -185,7 +195,7 @@ class PartActors:
         edges.prop.lighting = False
         # Lines lie in the surface: pull them towards the eye.
         edges.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        edges.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-1.0, -60.0)
+        edges.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, -4.0)
         return PartActor(poly, lines, body, edges)
 
     def _actor(self) -> tuple[Any, Any]:
@@ -201,10 +211,9 @@ class PartActors:
         self.plotter.add_actor(actor, reset_camera=False, render=False)
         return poly, actor
 
-    @staticmethod
-    def _show(drawn: PartActor, body: bool, edges: bool) -> None:
-        drawn.body.visibility = body
-        drawn.edges.visibility = edges
+
+def _but_blends(assembly: Assembly) -> list[Primitive]:
+    return [replace(part, blend=0.0) for part in assembly.primitives]
 
 
 def _culling(view: View) -> str:

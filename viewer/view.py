@@ -16,8 +16,8 @@ Axis = Literal["x", "y", "z"]
 class View:
     """What is drawn."""
 
-    joined: bool = False
-    """The smooth union as one surface; else each part alone."""
+    joined: bool = True
+    """Where parts run smoothly into each other; else each part alone."""
     wireframe: bool = False
     edges: bool = True
     """Lines along sharp edges."""
