@@ -1,11 +1,11 @@
-"""What `resfit view` does: open assemblies, and show them in a window or in one picture."""
+"""What `resfit view` does: open assemblies, and show them in a window, on a page or in one picture."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from resfit.errors import InputError
 
@@ -16,6 +16,9 @@ from .edits import EditSession
 from .probe import DisplayError, finish_probe, has_display, prepare, require, start_probe
 from .screenshot import check_picture, render_picture, write_picture
 from .view import COMPARING, TOGGLES, View
+
+if TYPE_CHECKING:
+    from .controller import Controller
 
 
 @dataclass(frozen=True)
@@ -111,29 +114,62 @@ def open_window(request: Request) -> None:
         InputError: if something cannot be read.
         DisplayError: if there is no screen, or nothing can be drawn on it.
     """
-    camera = _camera(request)
-    view = first_view(request, camera)
+    first_view(request, _camera(request))
     open_documents(list(request.paths), request.target)
     if not has_display():
         raise DisplayError(
             "there is no screen to open a window on; write a picture with --screenshot FILE, or use --web."
         )
-    probe = start_probe(off_screen=False)
+    controller = _open(request, off_screen=False)
+    from .desktop import Desktop
+
+    Desktop(controller).run()
+
+
+def open_page(request: Request, host: str, port: int) -> None:
+    """Serve a page with what is asked for until it is interrupted.
+
+    Args:
+        request: what to show.
+        host: name or address of this machine to listen at.
+        port: 0 takes a free one.
+
+    Raises:
+        InputError: if something cannot be read, the extra `web` is missing, or nothing can listen there.
+        DisplayError: if nothing can be drawn here.
+    """
+    from .web.extra import require_web
+
+    require_web()
+    controller = _open(request, off_screen=True)
+    from .web.serve import serve
+
+    try:
+        serve(controller, host, port)
+    finally:
+        controller.scene.plotter.close()
+
+
+def _open(request: Request, off_screen: bool) -> Controller:
+    """Everything of a request behind one controller; what cannot be read is said before anything is drawn."""
+    camera = _camera(request)
+    view = first_view(request, camera)
+    probe = start_probe(off_screen)
     try:
         documents, session, comparisons = open_session(request)
         _check_compared(view, comparisons)
     finally:
         answer = finish_probe(probe)
     require(answer)
-    prepare(off_screen=False)
+    prepare(off_screen)
     from .controller import Controller
-    from .desktop import SIZE, Desktop
+    from .desktop import SIZE
     from .scene import Scene
     from .stage import make_plotter
 
-    plotter = make_plotter(request.size or SIZE, off_screen=False, title=f"resfit · {documents[0].title}")
+    plotter = make_plotter(request.size or SIZE, off_screen, title=f"resfit · {documents[0].title}")
     scene = Scene(plotter, session, comparisons, view, camera, request.device)
-    Desktop(Controller(scene, documents, request.save_path, request.exports)).run()
+    return Controller(scene, documents, request.save_path, request.exports)
 
 
 def _camera(request: Request) -> OrbitCamera:

@@ -1,4 +1,4 @@
-"""`resfit view`: see and edit assemblies in a window, or take a picture of them."""
+"""`resfit view`: see and edit assemblies in a window or a browser, or take a picture of them."""
 
 from __future__ import annotations
 
@@ -24,6 +24,9 @@ def view(
     azimuth: float = 35.0,
     elevation: float = 22.0,
     device: str = "auto",
+    web: Annotated[bool, Parameter(negative="")] = False,
+    host: str = "127.0.0.1",
+    port: int = 0,
 ) -> int:
     """See and edit assemblies in a window: click a part, drag its sliders or handles; ? lists all keys.
 
@@ -42,8 +45,11 @@ def view(
         azimuth: degrees around the model, 0 from the front.
         elevation: degrees above the horizon.
         device: auto, cpu or cuda:0.
+        web: serve the viewer as a page, over SSH too, and print its address; Ctrl-C ends it.
+        host: where the page can be reached; only from this machine unless told otherwise.
+        port: of the page; a free one unless given.
     """
-    from resfit.viewer.show import Request, open_window, save_screenshot
+    from resfit.viewer.show import Request, open_page, open_window, save_screenshot
 
     request = Request(
         paths=assemblies,
@@ -58,10 +64,12 @@ def view(
         size=None if size is None else read_size(size),
         device=device,
     )
-    if screenshot is None:
-        open_window(request)
-    else:
+    if screenshot is not None:
         save_screenshot(request, screenshot)
+    elif web:
+        open_page(request, host, port)
+    else:
+        open_window(request)
     return 0
 
 

@@ -1,0 +1,231 @@
+"""Joins a controller and a page: what the page sends is done in turn, and what changed is sent back.
+
+Everything happens in one thread, in rounds: all that has arrived is done, of many values of one slider only the last;
+then numbers and one picture go out, and the next round waits until they have left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable
+from typing import Any
+
+from resfit.errors import InputError, ResfitError
+
+from ..controller import Controller
+from ..edits import PartRef
+from .picture import Picture
+from .pointer import Pointer
+from .state import is_offered, page_state, save_folder, save_name, save_path
+
+AREA = "resfit_picture"
+"""Name of the picture on the page."""
+
+GATHER = 0.008
+"""Seconds in which more events may arrive before a round begins."""
+
+STILL = 0.4
+"""Seconds of rest after which the picture is drawn finely."""
+
+Action = Callable[[], Any]
+
+
+class App:
+    """A page's other half.
+
+    Attributes:
+        controller: does what the page asks for.
+        picture, pointer: the scene as pictures, and what happens on them.
+        area_name: the picture's name on the page, for trame.
+    """
+
+    area_name = AREA
+
+    def __init__(self, controller: Controller, server: Any) -> None:
+        """Join a controller and a trame server that does not run yet."""
+        self.controller = controller
+        self.server = server
+        self.picture = Picture(controller.scene)
+        self.pointer = Pointer(controller, self.picture, self.post)
+        self._streamer: Any = None
+        self._waiting: list[tuple[str, Action]] = []
+        self._wake = asyncio.Event()
+        self._live = False
+        self._still = False
+        self._revision = 0
+        server.state.update({"save_name": save_name(controller), "save_dialog": False})
+        self._tell()
+        for name in ("run", "select", "hide", "only", "slide", "settle", "type", "rename", "add", "save"):
+            server.controller.trigger(name)(getattr(self, f"on_{name}"))
+        server.controller.trigger("text")(self.text)
+
+    # Rounds
+
+    def post(self, action: Action, slot: str = "") -> None:
+        """Do something in the next round; of many with the same `slot` one after the other, only the last."""
+        if slot and self._waiting and self._waiting[-1][0] == slot:
+            self._waiting.pop()
+        self._waiting.append((slot, action))
+        self._wake.set()
+
+    async def run(self) -> None:
+        """Do rounds until cancelled."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), None if self._still else STILL)
+            if self._wake.is_set():
+                self._wake.clear()
+                await asyncio.sleep(GATHER)
+                self.round()
+            else:
+                self.send(still=True)
+            await self.server.network_completion
+
+    def round(self) -> None:
+        """Do what waits, and send what came of it."""
+        waiting, self._waiting = self._waiting, []
+        for _, action in waiting:
+            try:
+                action()
+            except ResfitError as error:
+                self.controller.message = str(error)
+            except Exception as error:
+                # Edits that are not saved yet outlive a defect of ours.
+                logging.getLogger(__name__).exception("a defect of resfit")
+                self.controller.message = (
+                    f"this is a defect of resfit ({type(error).__name__}); save your edits."
+                )
+        self._tell()
+        self.send(still=False)
+
+    def send(self, still: bool) -> None:
+        """Draw and send a picture."""
+        self._still = still
+        if self._streamer is None:
+            return
+        frame = self.picture.draw(still)
+        about = {
+            "type": "image/jpeg", "codec": "", "w": frame.width, "h": frame.height, "key": "key",
+            "st": int(1000 * time.time()), "quality": frame.quality,
+        }  # fmt: skip
+        self._streamer.push_content(AREA, about, frame.content)
+
+    def _tell(self) -> None:
+        """Send what is shown beside the picture, as far as it changed."""
+        with self.server.state as state:
+            self._revision += 1
+            state.update(page_state(self.controller, self._revision, self._live))
+
+    # What trame's picture asks for
+
+    def set_streamer(self, streamer: Any) -> None:
+        """Take on, or give up, what sends pictures."""
+        self._streamer = streamer
+
+    def update_size(self, _: str, size: dict[str, Any]) -> None:
+        """The picture on the page has a new size; it also says so when a page is opened."""
+        try:
+            width, height, ratio = (float(size.get(key, 1)) for key in "whp")
+        except (TypeError, ValueError):
+            return
+        if width > 1 and height > 1:
+            self.post(lambda: self._resize(width, height, ratio))
+
+    def on_interaction(self, _: str, event: dict[str, Any]) -> None:
+        """Something happened on the picture."""
+        self.pointer.handle(event)
+
+    def reset(self) -> None:
+        """A page wants the picture again."""
+        self.post(lambda: None)
+
+    def _resize(self, width: float, height: float, ratio: float) -> None:
+        if self.picture.resize(width, height, ratio):
+            self.controller.scene.frame()
+
+    # What the page asks for
+
+    def on_run(self, name: str) -> None:
+        """A command's button was pressed."""
+        if is_offered(name):
+            self.post(lambda: self.controller.run(name))
+
+    def on_select(self, item: int, name: str) -> None:
+        """A part was chosen from the list; the chosen one again is let go."""
+        ref = PartRef(item, name)
+        self.post(lambda: self.controller.select(None if ref == self.controller.session.selected else ref))
+
+    def on_hide(self, item: int, name: str) -> None:
+        """A part is to be hidden, or shown again."""
+        self._edit(lambda: self.controller.session.hide(PartRef(item, name)))
+
+    def on_only(self, item: int, name: str) -> None:
+        """A part is to be shown alone, or with all others again."""
+        self._edit(lambda: self.controller.session.isolate(PartRef(item, name)))
+
+    def on_slide(self, slider_id: str, value: float) -> None:
+        """A slider is being dragged."""
+
+        def slide() -> None:
+            self._live = True
+            self.controller.slide(str(slider_id), float(value))
+
+        self.post(slide, f"slide {slider_id}")
+
+    def on_settle(self) -> None:
+        """A slider was let go."""
+        self.post(self._settle)
+
+    def on_type(self, slider_id: str, text: str) -> None:
+        """A number was typed."""
+
+        def put() -> None:
+            try:
+                value = float(str(text).replace(",", "."))
+            except ValueError:
+                raise InputError("that is no number.") from None
+            self.controller.slide(str(slider_id), value)
+            message = self.controller.message
+            self._settle()
+            self.controller.message = message
+
+        self.post(put)
+
+    def on_rename(self, text: str) -> None:
+        """The selected part was given another name."""
+        selected = self.controller.session.selected
+        if selected is not None and text != selected.name:
+            self._edit(lambda: self.controller.session.rename(selected, str(text)))
+
+    def on_add(self, family: str) -> None:
+        """A primitive is to be added."""
+        self.post(lambda: self.controller.add(str(family)))
+
+    def on_save(self, name: str) -> None:
+        """The assemblies are to be saved; the first under this name."""
+
+        def save() -> None:
+            self.controller.save_path = save_path(save_folder(self.controller), str(name))
+            self.controller.run("save")
+            self.server.state.save_name = self.controller.save_path.name
+
+        self.post(save)
+
+    def text(self) -> str:
+        """The edited assembly as the text of an assembly.json, for the page to download."""
+        self.round()
+        return self.controller.session.state.assemblies[self.controller.item].to_json().decode()
+
+    def _settle(self) -> None:
+        self._live = False
+        self.controller.settle()
+
+    def _edit(self, action: Action) -> None:
+        def edit() -> None:
+            action()
+            self.controller.changed()
+
+        self.post(edit)

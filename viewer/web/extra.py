@@ -1,0 +1,22 @@
+"""Whether the packages of the extra `web` are there."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from resfit.errors import InputError
+
+PACKAGES = ("trame", "trame_vuetify", "trame_rca", "aiohttp")
+"""What is imported of the extra: trame-pyvista brings all but the second."""
+
+
+def require_web() -> None:
+    """Refuse to go on without the extra.
+
+    Raises:
+        InputError: one sentence that says how to get it.
+    """
+    if not all(find_spec(name) for name in PACKAGES):
+        raise InputError(
+            "the page needs packages that are not installed; get them with pip install 'resfit[web]'."
+        )

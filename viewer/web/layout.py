@@ -1,0 +1,233 @@
+"""The page: picture, list of parts, sliders and buttons. Names are only ever inserted as text."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+from .app import AREA, App
+
+TITLE = "ResFit"
+PARTS = "part in parts"
+KEY = "part.item + '/' + part.name"
+
+THEME = {
+    "theme": {
+        "defaultTheme": "resfit",
+        "themes": {
+            "resfit": {
+                "dark": False,
+                "colors": {
+                    "background": "#d5d8dd", "surface": "#f7f8f9", "primary": "#3b6ea8", "secondary": "#6a717b",
+                },
+            }
+        },
+    }
+}  # fmt: skip
+
+
+def build_page(server: Any, app: App) -> None:
+    """Lay out the page of a trame server."""
+    from trame.ui.vuetify3 import VAppLayout
+    from trame.widgets import client, html
+
+    server.state.trame__title = TITLE
+    with VAppLayout(server, vuetify_config=THEME) as layout:
+        client.Style((files("resfit.viewer.web") / "style.css").read_text(encoding="utf-8"))
+        with layout.root, html.Div(classes="page"):
+            with html.Div(classes="stage"):
+                _picture(app)
+                _switches()
+            with html.Aside(classes="panel"):
+                _heading()
+                _parts()
+                _editor()
+                _files()
+        _save_dialog()
+
+
+def _picture(app: App) -> None:
+    from trame.widgets import html, rca
+
+    area = rca.RemoteControlledArea(name=AREA, display="image", event_throttle_ms=20, classes="picture")
+    area.add_view_handler(app)
+    html.Div("{{ message }}", classes="message", v_if="message", role="status")
+
+
+def _switches() -> None:
+    """What is drawn, below the picture."""
+    from trame.widgets import html
+
+    with html.Div(classes="below"):
+        with html.Div(classes="rows", v_if="view_rows.length"):
+            _slider_row("row in view_rows")
+        with html.Div(classes="chips"):
+            html.Button(
+                "{{ toggle.label }}",
+                v_for="toggle in toggles",
+                key="toggle.name",
+                type="button",
+                __properties=[("aria_pressed", "aria-pressed")],
+                aria_pressed=("toggle.on",),
+                title=("toggle.about",),
+                classes="chip",
+                data_switch=("toggle.name",),
+                click="trigger('run', [toggle.name])",
+            )
+            html.Span(classes="gap")
+            for name, label in (("frame", "fit"), ("front", "front"), ("side", "side"), ("top", "top")):
+                _button(label, f"trigger('run', ['{name}'])", classes="chip")
+            _button("{{ up }} up", "trigger('run', ['up'])", classes="chip", title="which axis points up")
+
+
+def _heading() -> None:
+    from trame.widgets import html
+
+    with html.Header():
+        with html.Div(classes="names"):
+            html.H1("{{ title }}")
+            html.P("{{ status }}", data_status=True)
+        _icon("mdi-undo", "undo", "trigger('run', ['undo'])", disabled="!can_undo")
+        _icon("mdi-redo", "redo", "trigger('run', ['redo'])", disabled="!can_redo")
+
+
+def _parts() -> None:
+    from trame.widgets import html
+    from trame.widgets import vuetify3 as vuetify
+
+    with html.Ul(classes="parts"):
+        _part_row()
+    with html.Div(classes="tools"):
+        _button("duplicate", "trigger('run', ['duplicate'])", disabled="!selected")
+        _button("delete", "trigger('run', ['delete'])", disabled="!selected")
+        with vuetify.VMenu():
+            with (
+                vuetify.Template(v_slot_activator="{ props }"),
+                html.Button(
+                    v_bind="props",
+                    type="button",
+                    classes="knob",
+                    title="add a primitive in the middle of the view",
+                ),
+            ):
+                html.Span("add …")
+            with vuetify.VList(density="compact"):
+                vuetify.VListItem(
+                    title=("family",),
+                    v_for="family in families",
+                    key="family",
+                    click="trigger('add', [family])",
+                )
+        _button("show all", "trigger('run', ['show_all'])")
+
+
+def _part_row() -> None:
+    """A part: its name selects it."""
+    from trame.widgets import html
+
+    chosen = "{ selected: part.selected, hidden: part.hidden }"
+    with html.Li(v_for=PARTS, key=KEY, classes=(chosen,), data_part=("part.name",)):
+        with html.Button(
+            classes="name",
+            type="button",
+            title=("part.name",),
+            click="trigger('select', [part.item, part.name])",
+        ):
+            html.Span(classes="dot", style=("{ background: part.color }",))
+            html.Span("{{ part.name }}", classes="text")
+            html.Small("{{ part.owner }}", v_if="part.owner")
+        _button("only", "trigger('only', [part.item, part.name])", classes="small")
+        _icon(
+            ("part.hidden ? 'mdi-eye-off-outline' : 'mdi-eye-outline'",), "hide or show",
+            "trigger('hide', [part.item, part.name])",
+        )  # fmt: skip
+
+
+def _editor() -> None:
+    from trame.widgets import html
+
+    with html.Div(classes="editor"):
+        html.P("Click a part, here or in the picture, to edit it.", classes="hint", v_if="!selected")
+        with html.Div(v_if="selected", key="selected && selected.join('/')"):
+            with html.Div(classes="part"):
+                html.Input(
+                    type="text", value=("selected[1]",), maxlength=200, title="name of the part",
+                    __properties=[("aria_label", "aria-label")], aria_label="name",
+                    change="trigger('rename', [$event.target.value])",
+                    keydown_enter="$event.target.blur()",
+                )  # fmt: skip
+                html.Small("{{ family }}")
+            with html.Section(v_for="group in groups", key="group.name"):
+                html.H2("{{ group.name }}")
+                _slider_row("row in group.rows")
+
+
+def _slider_row(rows: str) -> None:
+    """A number: its slider, and a field to type it."""
+    from trame.widgets import html
+
+    with html.Label(classes="row", v_for=rows, key="row.id", title=("row.about",)):
+        html.Span("{{ row.label }}")
+        html.Input(
+            type="range", min=("row.low",), max=("row.high",), step=("row.step",), value=("row.value",),
+            data_slider=("row.id",),
+            input=(
+                "row.value = Number($event.target.value); trigger('slide', [row.id, row.value])"
+            ),
+            change="trigger('settle')",
+        )  # fmt: skip
+        html.Input(
+            type="number", step="any", value=("Number(Number(row.value).toPrecision(4))",), data_value=("row.id",),
+            change="trigger('type', [row.id, $event.target.value])",
+        )  # fmt: skip
+        html.Small("{{ row.unit }}")
+
+
+def _files() -> None:
+    from trame.widgets import html
+
+    with html.Footer():
+        _button("Save …", "save_dialog = true", classes="knob wide")
+        _button(
+            "Download", "utils.download(title + '.json', trigger('text'), 'application/json')", classes="knob wide",
+            title="the edited assembly.json",
+        )  # fmt: skip
+
+
+def _save_dialog() -> None:
+    from trame.widgets import html
+    from trame.widgets import vuetify3 as vuetify
+
+    save = "trigger('save', [save_name]); save_dialog = false"
+    with (
+        vuetify.VDialog(v_model=("save_dialog",), max_width=420),
+        vuetify.VCard(title="Save the edited assembly"),
+    ):
+        with vuetify.VCardText():
+            html.P("In the folder of the assembly, as", classes="hint")
+            vuetify.VTextField(
+                v_model=("save_name",), density="compact", variant="outlined", hide_details=True, autofocus=True,
+                maxlength=100, keydown_enter=save, data_save=True,
+            )  # fmt: skip
+        with vuetify.VCardActions():
+            vuetify.VSpacer()
+            vuetify.VBtn("Cancel", click="save_dialog = false")
+            vuetify.VBtn("Save", color="primary", variant="flat", click=save)
+
+
+def _button(text: str, click: str, classes: str = "knob", disabled: str = "", title: str = "") -> None:
+    from trame.widgets import html
+
+    more: dict[str, Any] = {"disabled": (disabled,)} if disabled else {}
+    if title:
+        more["title"] = title
+    html.Button(text, type="button", classes=classes, click=click, **more)
+
+
+def _icon(icon: Any, title: str, click: str, disabled: str = "") -> None:
+    from trame.widgets import html
+    from trame.widgets import vuetify3 as vuetify
+
+    more: dict[str, Any] = {"disabled": (disabled,)} if disabled else {}
+    with html.Button(type="button", classes="icon", title=title, click=click, **more):
+        vuetify.VIcon(icon=icon, size="18")
