@@ -44,7 +44,7 @@ def test_a_picture_shows_the_assembly_and_what_is_asked_for(
 ) -> None:
     need_drawing()
     pictures = []
-    for show in ("", "joined,ghost,labels,x"):
+    for show in ("", "parts,plain,ghost,labels,x"):
         path = tmp_path / "a.png"
         code, said = view(capsys, folder, "--screenshot", path, "--size", "320x200", "--show", show)
         assert (code, said) == (0, "")

@@ -20,6 +20,9 @@ from .view import COMPARING, TOGGLES, View
 if TYPE_CHECKING:
     from .controller import Controller
 
+LESS = {"parts": "joined", "plain": "edges"}
+"""Words for what is shown unless told otherwise: each part alone, no lines along edges."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -30,7 +33,7 @@ class Request:
     save_path: Path | None = None
     exports: Sequence[Path] = ()
     show: Sequence[str] = ()
-    """Names of `show_names`."""
+    """Some of `show_names`."""
     explode: float = 0.0
     up: Literal["y", "z"] = "y"
     azimuth: float = OrbitCamera.azimuth
@@ -42,8 +45,8 @@ class Request:
 
 def show_names() -> list[str]:
     """What may be asked to be shown: switches, modes of the input mesh, axes of sections."""
-    switches = [name for name in TOGGLES if name not in ("mesh", "section", "explode")]
-    return [*switches, "ghost", "outline", "beside", "x", "y", "z"]
+    switches = [name for name in TOGGLES if name not in ("joined", "edges", "mesh", "section", "explode")]
+    return [*switches, *LESS, "ghost", "outline", "beside", "x", "y", "z"]
 
 
 def first_view(request: Request, camera: OrbitCamera) -> View:
@@ -54,7 +57,9 @@ def first_view(request: Request, camera: OrbitCamera) -> View:
     """
     changes: dict[str, Any] = {"explode": request.explode, "across": camera.across()}
     for name in request.show:
-        if name in ("ghost", "outline", "beside"):
+        if name in LESS:
+            changes[LESS[name]] = False
+        elif name in ("ghost", "outline", "beside"):
             changes["mesh"] = name
         elif name in ("x", "y", "z"):
             changes["section"] = name
