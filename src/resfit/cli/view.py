@@ -38,8 +38,9 @@ def view(
         export: file that Shift E writes, in the format of its suffix; may be given several times.
         screenshot: write this picture and exit; needs no screen.
         size: of the window or the picture, such as 1280x800.
-        show: what to show at first, separated by commas: parts (without smooth joins), plain (without lines), wireframe,
-            labels, slice, error, residual, samples; the input mesh as ghost, outline or beside; x, y or z to cut across.
+        show: what to show at first, separated by commas: parts (without smooth joins), plain (without lines),
+            wireframe, labels, slice, error, residual, samples; the input mesh as ghost, outline or beside; x, y or z
+            to cut across.
         explode: how far parts are moved apart, 0 to 4.
         up: which axis points up.
         azimuth: degrees around the model, 0 from the front.
