@@ -99,12 +99,12 @@ def save_screenshot(request: Request, path: Path) -> None:
     """
     size = request.size or (1280, 800)
     check_picture(path, size)
-    camera = _camera(request)
+    camera = read_camera(request)
     view = first_view(request, camera)
     probe = start_probe(off_screen=True)
     try:
         _, session, comparisons = open_session(request)
-        _check_compared(view, comparisons)
+        check_compared(view, comparisons)
     finally:
         # While files are read; a child that is still at it must not outlive us.
         answer = finish_probe(probe)
@@ -119,7 +119,7 @@ def open_window(request: Request) -> None:
         InputError: if something cannot be read.
         DisplayError: if there is no screen, or nothing can be drawn on it.
     """
-    first_view(request, _camera(request))
+    first_view(request, read_camera(request))
     open_documents(list(request.paths), request.target)
     if not has_display():
         raise DisplayError(
@@ -157,12 +157,12 @@ def open_page(request: Request, host: str, port: int) -> None:
 
 def _open(request: Request, off_screen: bool) -> Controller:
     """Everything of a request behind one controller; what cannot be read is said before anything is drawn."""
-    camera = _camera(request)
+    camera = read_camera(request)
     view = first_view(request, camera)
     probe = start_probe(off_screen)
     try:
         documents, session, comparisons = open_session(request)
-        _check_compared(view, comparisons)
+        check_compared(view, comparisons)
     finally:
         answer = finish_probe(probe)
     require(answer)
@@ -177,13 +177,23 @@ def _open(request: Request, off_screen: bool) -> Controller:
     return Controller(scene, documents, request.save_path, request.exports)
 
 
-def _camera(request: Request) -> OrbitCamera:
+def read_camera(request: Request) -> OrbitCamera:
+    """Where a request looks from.
+
+    Raises:
+        InputError: if it cannot look from there.
+    """
     if not abs(request.elevation) < 90.0:
         raise InputError(f"--elevation {request.elevation:g} is out of range; it must be within -90 to 90.")
     return OrbitCamera(request.up, request.azimuth, request.elevation)
 
 
-def _check_compared(view: View, comparisons: Sequence[Comparison | None]) -> None:
+def check_compared(view: View, comparisons: Sequence[Comparison | None]) -> None:
+    """Refuse a view that needs an input mesh where there is none.
+
+    Raises:
+        InputError: if so.
+    """
     if any(comparisons):
         return
     defaults = {field.name: field.default for field in fields(View)}
