@@ -27,6 +27,11 @@ def view(
     web: Annotated[bool, Parameter(negative="")] = False,
     host: str = "127.0.0.1",
     port: int = 0,
+    play: Annotated[bool, Parameter(negative="")] = False,
+    video: Path | None = None,
+    motion: Literal["optimisation", "explode", "turntable"] | None = None,
+    seconds: float | None = None,
+    fps: float = 20.0,
 ) -> int:
     """See and edit assemblies in a window: click a part, drag its sliders or handles; ? lists all keys.
 
@@ -37,7 +42,7 @@ def view(
             given.
         export: file that Shift E writes, in the format of its suffix; may be given several times.
         screenshot: write this picture and exit; needs no screen.
-        size: of the window or the picture, such as 1280x800.
+        size: of the window, the picture or the film, such as 1280x800.
         show: what to show at first, separated by commas: parts (without smooth joins), plain (without lines),
             wireframe, labels, slice, error, residual, samples; the input mesh as ghost, outline or beside; x, y or z
             to cut across.
@@ -49,6 +54,12 @@ def view(
         web: serve the viewer as a page, over SSH too, and print its address; Ctrl-C ends it.
         host: where the page can be reached; only from this machine unless told otherwise.
         port: of the page; a free one unless given.
+        play: step through the history of a fit: Left and Right, Home and End, Space plays.
+        video: write this film, .mp4 or .gif, and exit; needs no screen.
+        motion: of the film: how the fit came about (unless given, where its history is known), parts apart and back,
+            or once around (turntable).
+        seconds: that the film takes; 10, 5 or 6 by its motion unless given.
+        fps: pictures of the film a second.
     """
     from resfit.viewer.show import Request, open_page, open_window, save_screenshot
 
@@ -65,8 +76,16 @@ def view(
         size=None if size is None else read_size(size),
         device=device,
     )
-    if screenshot is not None:
+    if video is not None:
+        from resfit.cli.filming import make_film
+
+        make_film(request, video, motion, seconds, fps)
+    elif screenshot is not None:
         save_screenshot(request, screenshot)
+    elif play:
+        from resfit.viewer.player import open_player
+
+        open_player(request)
     elif web:
         open_page(request, host, port)
     else:
