@@ -178,6 +178,8 @@ def test_keys_edit_show_and_hide(desktop: Desktop) -> None:
     press(desktop, "question", "?")
     assert controller.help
     press(desktop, "q", "q")
+    assert not controller.closing and "not saved" in controller.message
+    controller.do_quit()
     assert controller.closing
 
 

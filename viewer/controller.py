@@ -18,7 +18,7 @@ from ..assembly.primitive import Primitive, shown
 from ..export.by_suffix import check_path, export_assembly
 from .commands import COMMAND_OF, COMMANDS, Command, find_command
 from .documents import Document
-from .edits import PartRef
+from .edits import PartRef, State
 from .entry import Entry
 from .parameters import Slider
 from .poses import to_vector
@@ -71,6 +71,7 @@ class Controller:
         self.closing = False
         self.on_change: Callable[[], None] = lambda: None
         self._held: Primitive | None = None
+        self._warned: State | None = None
         self._measure(live=False)
 
     # What there is to show
@@ -311,7 +312,11 @@ class Controller:
         self.help = not self.help
 
     def do_quit(self) -> None:
-        self.closing = True
+        if self.session.changed and self._warned is not self.session.state:
+            self._warned = self.session.state
+            self.message = "not saved: s saves, the same key again closes all the same"
+        else:
+            self.closing = True
 
     # How
 

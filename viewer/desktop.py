@@ -111,6 +111,21 @@ class Desktop:
         elif not self._smooth and self._press is None and time.monotonic() - self._changed_at > STILL:
             self._draw(fine=True)
 
+    def picture(self) -> np.ndarray:
+        """What the window shows, panel and all: (height, width, 3) uint8, sRGB, row 0 on top."""
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
+
+        self._draw(fine=True)
+        grabber: Any = vtkWindowToImageFilter()
+        grabber.SetInput(self.window)
+        grabber.ReadFrontBufferOff()
+        grabber.ShouldRerenderOff()
+        grabber.Update()
+        image: Any = grabber.GetOutput()
+        width, height, _ = image.GetDimensions()
+        return np.array(vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, 3)[::-1])
+
     def resize(self) -> None:
         """Share the window between scene and panel."""
         share = max(0.2, 1.0 - WIDTH / max(self.window.GetSize()[0], 1))

@@ -21,8 +21,8 @@ from ..kernels.field import evaluate_primitives
 LIVE_CELLS, PART_CELLS = 16, 24
 """Cells along a part's longest side, while it is dragged and at rest: 16 take a few milliseconds."""
 
-LIVE_UNION_CELLS, UNION_CELLS = 48, 128
-"""The same for the longest side of a union."""
+LIVE_UNION_CELLS, UNION_SHARE = 48, 4
+"""The same for the longest side of a union: while a blend is dragged, and at rest by the cells of a part."""
 
 CAPACITY = 512
 """Surfaces kept, 0.2 MB each: a drag of a slider makes hundreds."""
@@ -80,7 +80,9 @@ class JoinedSurface:
     """(f,) int, index of the part that is nearest."""
 
 
-def joined_surface(assembly: Assembly, cells: int = UNION_CELLS, device: str = "auto") -> JoinedSurface:
+def joined_surface(
+    assembly: Assembly, cells: int = UNION_SHARE * PART_CELLS, device: str = "auto"
+) -> JoinedSurface:
     """The surface of the smooth union, in the colours of its parts.
 
     Args:

@@ -16,7 +16,7 @@ from .live_surface import (
     LIVE_CELLS,
     LIVE_UNION_CELLS,
     PART_CELLS,
-    UNION_CELLS,
+    UNION_SHARE,
     PartSurfaces,
     joined_surface,
     shape_key,
@@ -42,6 +42,8 @@ class PartActor:
     body: Any
     edges: Any
     shape: Hashable = None
+    look: Any = None
+    """What its place and properties were made from."""
 
 
 @dataclass
@@ -136,6 +138,13 @@ class PartActors:
             drawn.poly.copy_from(to_poly(surface))
             drawn.lines.copy_from(to_edges(surface))
             drawn.shape = shape
+        look = part.pose, part.color, matrix.tobytes(), view, selected
+        if drawn.look != look:
+            drawn.look = look
+            self._dress(drawn, part, matrix, view, selected)
+
+    @staticmethod
+    def _dress(drawn: PartActor, part: Primitive, matrix: np.ndarray, view: View, selected: bool) -> None:
         placed = matrix @ pose_matrix(part.pose)
         drawn.body.user_matrix = placed
         drawn.edges.user_matrix = placed
@@ -158,10 +167,10 @@ class PartActors:
         old, parts = self.joined.get(placed.item), placed.assembly.primitives
         wanted = view.joined and any(part.blend > 0.0 for part in parts[1:])
         wanted = wanted and not (view.error or view.residual or view.wireframe)
-        fine = (placed.assembly, UNION_CELLS)
+        fine = (placed.assembly, UNION_SHARE * self.cells)
         key = (placed.assembly, LIVE_UNION_CELLS) if live and (old is None or old.key != fine) else fine
         if wanted and live and old is not None and old.key != key:
-            wanted = _but_blends(old.key[0]) == _but_blends(placed.assembly)
+            wanted = _differ_in_blends(old.key[0], placed.assembly)
         if not wanted:
             if old is not None:
                 old.body.visibility = False
@@ -212,8 +221,12 @@ class PartActors:
         return poly, actor
 
 
-def _but_blends(assembly: Assembly) -> list[Primitive]:
-    return [replace(part, blend=0.0) for part in assembly.primitives]
+def _differ_in_blends(a: Assembly, b: Assembly) -> bool:
+    """Whether two assemblies are the same but for blends."""
+    if len(a.primitives) != len(b.primitives):
+        return False
+    pairs = zip(a.primitives, b.primitives, strict=True)
+    return all(one is other or replace(one, blend=other.blend) == other for one, other in pairs)
 
 
 def _culling(view: View) -> str:
