@@ -83,9 +83,18 @@ class Assembly:
             reason = getattr(error, "strerror", None) or "the name is not a valid path"
             raise AssemblyError(f"cannot read {path}: {reason}") from error
         try:
-            return _from_document(parse(content))
+            return cls.from_json(content)
         except AssemblyError as error:
             raise AssemblyError(f"{path}: {error}") from error
+
+    @classmethod
+    def from_json(cls, content: bytes) -> Assembly:
+        """The assembly of the bytes of a file.
+
+        Raises:
+            AssemblyError: if they are not valid: one sentence that names the field.
+        """
+        return _from_document(parse(content))
 
     def save(self, path: str | Path) -> None:
         """Write an assembly.json, at once; an assembly always gives the same bytes.
