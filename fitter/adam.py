@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels.activation import RAW_DROP, RAW_KEEP
-from ..kernels.adjoint import differentiable_assembly
+from ..kernels.adjoint import by_block, by_primitive, differentiable_assembly
 from ..kernels.gradient import evaluate_gradient
 from ..kernels.points import PointBlocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
@@ -177,24 +177,23 @@ def _backward(
     field, values = differentiable_assembly(primitives, blocks, tape)
     field_grad, values_grad = loss_gradients(
         field.numpy()[: blocks.count],
-        values.numpy().reshape(len(primitives), -1)[:, : blocks.count],
+        by_primitive(values, len(primitives), blocks.count),
         primitives.gates,
         samples.distance[batch],
         samples.weight[batch],
         beta,
         config,
     )
-    padding = blocks.x.shape[0] - blocks.count
     rows_grad = np.zeros((len(primitives), ROW), np.float32)
     rows_grad[:, GATE] = config.count_weight
     assert primitives.rows.grad is not None
     primitives.rows.grad.assign(rows_grad.ravel())
 
-    def device_array(array: np.ndarray) -> wp.array:
-        padded = np.pad(array, [*[(0, 0)] * (array.ndim - 1), (0, padding)])
-        return wp.array(padded.ravel().astype(np.float32), dtype=float, device=primitives.device)
-
-    tape.backward(grads={field: device_array(field_grad), values: device_array(values_grad)})
+    grads = {
+        of: wp.array(by_block(grad), dtype=float, device=primitives.device)
+        for of, grad in ((field, field_grad[None]), (values, values_grad))
+    }
+    tape.backward(grads=grads)
 
 
 def _backward_rows(unbounded: Unbounded, tape: wp.Tape, rows_grad: np.ndarray, config: AdamConfig) -> None:

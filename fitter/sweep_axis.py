@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..kernels.adjoint import differentiable_assembly
-from ..kernels.points import PointBlocks, padded_count
+from ..kernels.adjoint import by_block, by_primitive, differentiable_assembly
+from ..kernels.points import PointBlocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, GATE, ROTATION, ROW, SHAPE, SHAPES, TRANSLATION
 from .adam_loss import fold_prefixes, loss_gradients, unfold
@@ -97,8 +97,7 @@ class SweepAxes:
         self._copies.set_rows(copies.reshape(-1, ROW))
         tape = wp.Tape()
         _, values = differentiable_assembly(self._copies, blocks, tape)
-        count = blocks.count
-        swept = values.numpy().reshape(len(rows), 3, -1)[:, :, :count]
+        swept = by_primitive(values, len(self._copies), blocks.count).reshape(len(rows), 3, -1)
         weights = softmax((self.logits + noise) / temperature)
         mixed = np.einsum("ki,kin->kn", weights, swept)
         gates, blends = rows[:, GATE], rows[:, BLEND]
@@ -112,8 +111,8 @@ class SweepAxes:
         mixed_grad = gates[:, None] * gated_grad
         swept_grad = weights[:, :, None] * mixed_grad[:, None]
         logits_grad = (swept_grad * (swept - mixed[:, None])).sum(2) / temperature
-        padded = np.pad(swept_grad, [(0, 0), (0, 0), (0, padded_count(count) - count)]).astype(np.float32)
-        tape.backward(grads={values: wp.array(padded.ravel(), dtype=float, device=self._copies.device)})
+        asked = by_block(swept_grad.reshape(len(self._copies), -1))
+        tape.backward(grads={values: wp.array(asked, dtype=float, device=self._copies.device)})
         assert self._copies.rows.grad is not None
         total = gathered_gradient(self._copies.rows.grad.numpy().reshape(len(rows), 3, ROW))
         tape.zero()

@@ -1,224 +1,83 @@
 """The union as one differentiable step of a `wp.Tape`, with a hand-written adjoint.
 
-Forward: every primitive at every point, then the fold of the union, whose prefixes are kept. Backward: the fold
-undone from its end (spec section 12) gives each primitive its weight at each point; a second kernel evaluates value
-and derivatives again and sums them under these weights over blocks of points; blocks are then added in a fixed order.
+Forward: every primitive at every point, folded on into the union (see `union_fold`). Backward: the fold undone from
+its end gives each primitive its weight at each point, under which value and derivatives, evaluated again, are summed
+over a block; the blocks' sums are then added in a fixed order.
 Warp's generated adjoint of a loop that overwrites a variable, such as a running minimum, is wrong without a warning.
 """
 
-# No postponed annotations here: Warp reads the kernels' own, which name a family's table.
+from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
 
+import numpy as np
 import warp as wp
 
-from .field import primitives_at
-from .frame import Frame, to_local, to_world_direction
-from .jacobian import TANGENT_C, JacobianRow, jacobian_row
-from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
-from .points import BLOCK, BLOCK_C, PointBlocks
+from .frame import Frame, to_world_direction
+from .launch import PLAIN_OPTIONS, launch
+from .points import BLOCK, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
-from .primitives import family
-from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE_C, SHAPES_C, TANGENT, TRANSLATION_C
-from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
-from .vector_math import larger
+from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
+from .union import FAR
+from .union_fold import BLEND_SUM_C, GATE_SUM_C, SUMS, SUMS_C, fold_kernels
 
-BLOCK_SECONDS = 4e-7
-"""Value, derivatives and weighted sum of one primitive over one block of points, on one core."""
+wp.set_module_options(PLAIN_OPTIONS)
 
-SUMS = TANGENT + 2
-"""Sums a block keeps of each primitive: its Jacobian's columns, blend and gate."""
-SUMS_C = wp.constant(SUMS)
-BLEND_SUM_C, GATE_SUM_C = wp.constant(TANGENT), wp.constant(TANGENT + 1)
+FORWARD_SECONDS, BACKWARD_SECONDS = 2e-7, 4e-7
+"""Of one block of points on one core: a primitive's value, folded on; and its derivatives, where it has any."""
 
-FOLD = "resfit.kernels.adjoint.fold"
-wp.set_module_options(VECTOR_OPTIONS, module=FOLD)
-CHAIN = "resfit.kernels.adjoint.chain"
-wp.set_module_options(PLAIN_OPTIONS, module=CHAIN)
+LISTED = 0.1
+"""About how many of the primitives are listed in a block of points that lie together. All three decide when a launch is
+split."""
 
-
-@wp.kernel(module=FOLD)
-def fold_values_kernel(
-    first: int,
-    values: wp.array[float],
-    rows: wp.array[float],
-    primitive_count: int,
-    size: int,
-    # outputs
-    out_prefix: wp.array[float],
-    out_field: wp.array[float],
-):
-    """Fold one block of points; keeps the union of the first k + 1 primitives in `out_prefix`."""
-    base = (first + wp.tid()) * BLOCK_C
-    for j in range(BLOCK_C):
-        out_field[base + j] = FAR
-    for k in range(primitive_count):
-        blend = rows[k * ROW_C + BLEND_C]
-        gate = rows[k * ROW_C + GATE_C]
-        quarter = quarter_inverse(blend)
-        at = k * size + base
-        for j in range(BLOCK_C):
-            folded = smooth_minimum(out_field[base + j], gated(values[at + j], gate), blend, quarter)
-            out_prefix[at + j] = folded
-            out_field[base + j] = folded
+GROUP = 64
+"""Blocks whose sums are added together first."""
+GROUP_C = wp.constant(GROUP)
 
 
-@wp.kernel(module=FOLD)
-def unfold_values_kernel(
-    first: int,
-    values: wp.array[float],
-    prefix: wp.array[float],
-    rows: wp.array[float],
-    primitive_count: int,
-    size: int,
-    block_count: int,
-    # outputs
-    carry: wp.array[float],
-    out_weights: wp.array[float],
-    out_sums: wp.array[float],
-):
-    """Undo the fold of one block: the loss's derivative to each primitive's own value, and the sums for blend and gate.
-
-    `carry` comes in as the derivative to the union and is used up.
-    """
-    block = first + wp.tid()
-    base = block * BLOCK_C
-    for back in range(primitive_count):
-        k = primitive_count - 1 - back
-        blend = rows[k * ROW_C + BLEND_C]
-        gate = rows[k * ROW_C + GATE_C]
-        quarter = quarter_inverse(blend)
-        at = k * size + base
-        blend_sum = float(0.0)
-        gate_sum = float(0.0)
-        if k > 0:
-            for j in range(BLOCK_C):
-                value = values[at + j]
-                keep = smooth_minimum_share(prefix[at - size + j], gated(value, gate), quarter)
-                whole = carry[base + j]
-                passed = whole * (1.0 - keep)
-                blend_sum += -passed * keep
-                gate_sum += passed * (value - 1.0)
-                out_weights[at + j] = passed * gate
-                carry[base + j] = whole * keep
-        else:
-            for j in range(BLOCK_C):
-                passed = carry[base + j]
-                gate_sum += passed * (values[at + j] - 1.0)
-                out_weights[at + j] = passed * gate
-        store = (k * block_count + block) * SUMS_C
-        out_sums[store + BLEND_SUM_C] = blend_sum
-        out_sums[store + GATE_SUM_C] = gate_sum
-
-
-@cache
-def weighted_sum_kernel(name: str) -> wp.Kernel:
-    """The kernel of the family `name` that sums weight x Jacobian row over one block of one primitive."""
-    module = f"resfit.kernels.adjoint.{name}"
-    wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf_grad = entry.sdf_grad
-    fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
-
-    @wp.kernel(module=module)
-    def sum_weighted_jacobian_kernel(
-        first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
-        tables: wp.array[table],
-        weights: wp.array[float],
-        begin: int,
-        block_count: int,
-        # outputs
-        out_sums: wp.array[float],
-    ):
-        t = first + wp.tid()
-        run_k = t / block_count
-        block = t - run_k * block_count
-        k = begin + run_k
-        base = block * BLOCK_C
-        at = (k * block_count + block) * BLOCK_C
-        f = frames[k]
-        s = tables[k]
-        total = JacobianRow()
-        slow = float(-1.0)
-        if wp.static(has_slow_zone):
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                slow = larger(slow, slow_zone(s, px, py, pz))
-        if slow > 0.0:
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                w = weights[at + j]
-                d = sdf_grad(s, px, py, pz)
-                total += w * jacobian_row(px, py, pz, d)
-        else:
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                w = weights[at + j]
-                d = fast_grad(s, px, py, pz)
-                total += w * jacobian_row(px, py, pz, d)
-        store = (k * block_count + block) * SUMS_C
-        for m in range(TANGENT_C):
-            out_sums[store + m] = total[m]
-
-    return sum_weighted_jacobian_kernel
-
-
-@wp.kernel(module=CHAIN)
-def add_blocks_kernel(
+@wp.kernel
+def add_group_kernel(
     first: int,
     sums: wp.array[float],
+    ids: wp.array[int],
+    counts: wp.array[int],
+    primitive_count: int,
     block_count: int,
+    # outputs
+    out_partial: wp.array[float],
+):
+    """Add one column of all primitives' sums over a group of blocks, in order."""
+    t = first + wp.tid()
+    group = t / SUMS_C
+    column = t - group * SUMS_C
+    store = group * primitive_count
+    for k in range(primitive_count):
+        out_partial[(store + k) * SUMS_C + column] = 0.0
+    for block in range(group * GROUP_C, wp.min((group + 1) * GROUP_C, block_count)):
+        for n in range(counts[block]):
+            slot = block * primitive_count + n
+            at = (store + ids[slot]) * SUMS_C + column
+            out_partial[at] = out_partial[at] + sums[slot * SUMS_C + column]
+
+
+@wp.kernel
+def add_groups_kernel(
+    first: int,
+    partial: wp.array[float],
+    stride: int,
+    group_count: int,
     # outputs
     out_totals: wp.array[float],
 ):
-    """Add one sum of one primitive over the blocks, in order."""
+    """Add one sum of one primitive over the groups, in order."""
     t = first + wp.tid()
-    k = t / SUMS_C
-    column = t - k * SUMS_C
     total = float(0.0)
-    for block in range(block_count):
-        total += sums[(k * block_count + block) * SUMS_C + column]
+    for group in range(group_count):
+        total += partial[group * stride + t]
     out_totals[t] = total
 
 
-@wp.kernel(module=CHAIN)
-def add_values_grad_kernel(
-    first: int,
-    values_grad: wp.array[float],
-    rows: wp.array[float],
-    size: int,
-    # outputs
-    out_weights: wp.array[float],
-):
-    """Add what a loss asks of each primitive's own, gated distance to the weights that come through the union."""
-    t = first + wp.tid()
-    out_weights[t] = out_weights[t] + values_grad[t] * rows[(t / size) * ROW_C + GATE_C]
-
-
-@wp.kernel(module=CHAIN)
-def add_gate_grad_kernel(
-    first: int,
-    values: wp.array[float],
-    values_grad: wp.array[float],
-    # outputs
-    out_sums: wp.array[float],
-):
-    """The same for the gates' sums of one block of one primitive."""
-    t = first + wp.tid()
-    total = float(0.0)
-    for j in range(BLOCK_C):
-        total += values_grad[t * BLOCK_C + j] * (values[t * BLOCK_C + j] - 1.0)
-    out_sums[t * SUMS_C + GATE_SUM_C] = out_sums[t * SUMS_C + GATE_SUM_C] + total
-
-
-@wp.kernel(module=CHAIN)
+@wp.kernel
 def chain_rows_kernel(
     first: int,
     totals: wp.array[float],
@@ -250,36 +109,22 @@ def chain_rows_kernel(
     out_rows_grad[row + ROTATION_C + 3] += w * c + i * b - j * a
     for m in range(SHAPE_C):
         out_rows_grad[row + SHAPES_C + m] += totals[sums + 6 + m]
-    if k > 0:
-        out_rows_grad[row + BLEND_C] += totals[sums + BLEND_SUM_C]
+    out_rows_grad[row + BLEND_C] += totals[sums + BLEND_SUM_C]
     out_rows_grad[row + GATE_C] += totals[sums + GATE_SUM_C]
 
 
-def weighted_sums(
-    primitives: PrimitiveSet, blocks: PointBlocks, weights: wp.array, out_sums: wp.array
-) -> None:
-    """Fill the Jacobian's columns of `out_sums` (primitive_count * block_count * SUMS,) under per-point weights.
+@dataclass(frozen=True)
+class _Folded:
+    """What the forward step leaves behind; slots as in `union_fold`."""
 
-    `weights` is (primitive_count * padded points,), primitive-major; 0 where a point does not count.
-    """
-    for run in primitives.runs:
-        launch(
-            weighted_sum_kernel(run.family.name),
-            run.count * blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                weights,
-                run.begin,
-                blocks.block_count,
-            ],
-            [out_sums],
-            blocks.device,
-            seconds_per_thread=BLOCK_SECONDS,
-        )
+    field: wp.array
+    values: wp.array
+    """(primitive_count * padded points,) block by block; in use only where a loss may ask for them."""
+    shares: wp.array
+    ids: wp.array
+    """(block_count * primitive_count,): the primitive in each slot."""
+    counts: wp.array
+    """(block_count,): slots in use."""
 
 
 def differentiable_union(primitives: PrimitiveSet, blocks: PointBlocks, tape: wp.Tape) -> wp.array:
@@ -287,71 +132,131 @@ def differentiable_union(primitives: PrimitiveSet, blocks: PointBlocks, tape: wp
 
     Args:
         primitives: their `rows` must require a gradient; call `derive` after changing them.
-        blocks: the points; their padding must get no weight from the loss.
+        blocks: the points; their padding must get no weight from the loss. Faster if neighbours in the list are
+            neighbours in space.
         tape: records the backward step: `rows.grad` gets the derivatives to translation (world), quaternion (of the
             normalised rotation), shape, blend (0 for the first) and gate.
 
     Returns:
         (padded points,) float32 with a gradient, normalised units, negative inside.
     """
-    return differentiable_assembly(primitives, blocks, tape, values_need_grad=False)[0]
+    folded = _fold(primitives, blocks, list_all=False)
+    if len(primitives) and blocks.block_count:
+        tape.record_func(lambda: _unfold(primitives, blocks, folded), [primitives.rows, folded.field])
+    return folded.field
 
 
 def differentiable_assembly(
-    primitives: PrimitiveSet, blocks: PointBlocks, tape: wp.Tape, values_need_grad: bool = True
+    primitives: PrimitiveSet, blocks: PointBlocks, tape: wp.Tape
 ) -> tuple[wp.array, wp.array]:
     """The union, and every primitive alone, as a step of `tape`; see `differentiable_union`.
 
     Returns:
-        The union (padded points,), and the ungated distances (primitive_count * padded points,), primitive-major. A
-        loss on single primitives gives the derivative to their *gated* distance as the gradient of the latter.
+        The union (padded points,), and the ungated distances (primitive_count * padded points,), block by block as
+        `by_primitive` reads and `by_block` writes them. A loss on single primitives gives the derivative to their
+        *gated* distance as the gradient of the latter.
     """
+    folded = _fold(primitives, blocks, list_all=True)
+    if len(primitives) and blocks.block_count:
+        tape.record_func(
+            lambda: _unfold(primitives, blocks, folded), [primitives.rows, folded.field, folded.values]
+        )
+    return folded.field, folded.values
+
+
+def by_primitive(values: wp.array, primitive_count: int, count: int) -> np.ndarray:
+    """Distances from `differentiable_assembly` as (primitive_count, count), without the padding."""
+    blocked = values.numpy()[: primitive_count * padded_count(count)].reshape(-1, primitive_count, BLOCK)
+    return blocked.transpose(1, 0, 2).reshape(primitive_count, -1)[:, :count]
+
+
+def by_block(values: np.ndarray) -> np.ndarray:
+    """Numbers (primitive_count, count) in the order of `differentiable_assembly`, flat float32; 0 in the padding."""
+    primitive_count, count = values.shape
+    padded = np.zeros((primitive_count, padded_count(count)), np.float32)
+    padded[:, :count] = values
+    return padded.reshape(primitive_count, -1, BLOCK).transpose(1, 0, 2).ravel()
+
+
+def _fold(primitives: PrimitiveSet, blocks: PointBlocks, list_all: bool) -> _Folded:
+    """The forward step; `list_all` gives every primitive its slot, for losses on single primitives."""
     device, count, size = blocks.device, len(primitives), blocks.x.shape[0]
-    field = wp.empty(max(1, size), dtype=float, device=device, requires_grad=True)
-    values = wp.empty(max(1, count * size), dtype=float, device=device, requires_grad=values_need_grad)
+    pairs = max(1, count * blocks.block_count)
+    folded = _Folded(
+        wp.empty(max(1, size), dtype=float, device=device, requires_grad=True),
+        wp.empty(
+            max(1, count * size if list_all else size), dtype=float, device=device, requires_grad=list_all
+        ),
+        wp.empty(max(1, count * size), dtype=float, device=device),
+        wp.empty(pairs, dtype=int, device=device),
+        wp.empty(max(1, blocks.block_count), dtype=int, device=device),
+    )
     if not count or not size:
-        field.fill_(FAR)
-        return field, values
-    primitives_at(primitives, blocks, values)
-    prefix = wp.empty(count * size, dtype=float, device=device)
-    launch(
-        fold_values_kernel,
-        blocks.block_count,
-        [values, primitives.rows, count, size],
-        [prefix, field],
-        device,
-        seconds_per_thread=BLOCK * 1e-9 * count,
-    )
-    outputs = [field, values] if values_need_grad else [field]
-    tape.record_func(
-        lambda: _differentiate(primitives, blocks, field, values, prefix), [primitives.rows, *outputs]
-    )
-    return field, values
+        folded.field.fill_(FAR)
+    for run in primitives.runs:
+        launch(
+            fold_kernels(run.family.name)[0],
+            blocks.block_count,
+            [
+                blocks.x,
+                blocks.y,
+                blocks.z,
+                primitives.frames,
+                primitives.tables[run.family.name],
+                primitives.rows,
+                count,
+                wp.vec2i(run.begin, run.end),
+                int(list_all),
+            ],
+            [folded.values, folded.shares, folded.field, folded.ids, folded.counts],
+            device,
+            seconds_per_thread=FORWARD_SECONDS * run.count,
+        )
+    return folded
 
 
-def _differentiate(
-    primitives: PrimitiveSet, blocks: PointBlocks, field: wp.array, values: wp.array, prefix: wp.array
-) -> None:
+def _unfold(primitives: PrimitiveSet, blocks: PointBlocks, folded: _Folded) -> None:
     """Add the rows' gradient, given those of the union and, where they have one, of the primitives' distances."""
-    device, count, size = blocks.device, len(primitives), blocks.x.shape[0]
-    weights = wp.empty(count * size, dtype=float, device=device)
-    sums = wp.empty(count * blocks.block_count * SUMS, dtype=float, device=device)
+    device, count, block_count = blocks.device, len(primitives), blocks.block_count
+    groups = -(-block_count // GROUP)
+    asked = folded.values.grad
+    sums = wp.empty(count * block_count * SUMS, dtype=float, device=device)
+    partial = wp.empty(groups * count * SUMS, dtype=float, device=device)
     totals = wp.empty(count * SUMS, dtype=float, device=device)
-    carry = wp.clone(field.grad)
+    for_values = wp.zeros(BLOCK, dtype=float, device=device) if asked is None else asked
+    carry, passed = wp.clone(folded.field.grad), wp.empty_like(blocks.x)
+    for run in reversed(primitives.runs):
+        launch(
+            fold_kernels(run.family.name)[1],
+            block_count,
+            [
+                blocks.x,
+                blocks.y,
+                blocks.z,
+                primitives.frames,
+                primitives.tables[run.family.name],
+                primitives.rows,
+                count,
+                wp.vec2i(run.begin, run.end),
+                folded.shares,
+                folded.ids,
+                folded.counts,
+                for_values,
+                int(asked is not None),
+            ],
+            [carry, passed, sums],
+            device,
+            seconds_per_thread=BACKWARD_SECONDS * run.count * (LISTED if asked is None else 1.0),
+        )
     launch(
-        unfold_values_kernel,
-        blocks.block_count,
-        [values, prefix, primitives.rows, count, size, blocks.block_count],
-        [carry, weights, sums],
+        add_group_kernel,
+        groups * SUMS,
+        [sums, folded.ids, folded.counts, count, block_count],
+        [partial],
         device,
-        seconds_per_thread=BLOCK * 1e-9 * count,
+        seconds_per_thread=3e-9 * GROUP * count * (LISTED if asked is None else 1.0),
     )
-    if values.grad is not None:
-        launch(add_values_grad_kernel, count * size, [values.grad, primitives.rows, size], [weights], device)
-        pairs = count * blocks.block_count
-        launch(add_gate_grad_kernel, pairs, [values, values.grad], [sums], device)
-    weighted_sums(primitives, blocks, weights, sums)
-    launch(add_blocks_kernel, count * SUMS, [sums, blocks.block_count], [totals], device)
+    launch(add_groups_kernel, count * SUMS, [partial, count * SUMS, groups], [totals], device)
     launch(
         chain_rows_kernel,
         count,

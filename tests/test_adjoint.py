@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 from resfit.fitter.first_order import to_raw
 from resfit.kernels import launch as launching
 from resfit.kernels.activation import activate_rows
-from resfit.kernels.adjoint import differentiable_assembly, differentiable_union
-from resfit.kernels.field import evaluate_assembly
+from resfit.kernels.adjoint import by_block, by_primitive, differentiable_assembly, differentiable_union
+from resfit.kernels.curve import curve_codes
+from resfit.kernels.field import evaluate_assembly, evaluate_primitives
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
-from resfit.kernels.rows import BLEND, GATE, ROW
+from resfit.kernels.rows import BLEND, GATE, ROW, SHAPES, empty_rows
 
 MIXED = ["superfrustum", "cuboid", "superfrustum", "superprimitive", "superquadric", "superfrustum"]
 
@@ -100,6 +101,77 @@ def test_far_from_any_crease_one_step_descends(device, rng):
     assert decrease == pytest.approx(1e-3 * np.linalg.norm(gradient), rel=0.1)
 
 
+def test_distances_of_single_primitives(device, rng):
+    """Block by block, with padding and runs of several families."""
+    rows = random_rows(rng, MIXED)
+    points = rng.uniform(-1, 1, (150, 3)).astype(np.float32)
+    primitives = PrimitiveSet(rows, MIXED, device, requires_grad=True)
+    field, values = differentiable_assembly(primitives, point_blocks(points, device), wp.Tape())
+    found = by_primitive(values, len(rows), 150)
+    np.testing.assert_allclose(found, evaluate_primitives(primitives, points), atol=1e-6)
+    np.testing.assert_allclose(field.numpy()[:150], evaluate_assembly(primitives, points), atol=1e-6)
+    np.testing.assert_array_equal(by_primitive(wp.array(by_block(found), dtype=float), len(rows), 150), found)
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.05])
+def test_leaving_primitives_out_changes_nothing(blend, device, rng):
+    """Points that lie together need few primitives a block, an assembly's step lists all: the same gradient."""
+    families = ["superfrustum"] * 10 + ["cuboid"] * 10 + ["superfrustum"] * 10
+    rows = random_rows(rng, families)
+    rows[:, BLEND] = blend
+    points = rng.uniform(-1, 1, (5000, 3)).astype(np.float32)
+    weights = weights_of(point_blocks(points, device), rng)
+    order = np.argsort(curve_codes(points), kind="stable")
+    ordered = np.zeros_like(weights)
+    ordered[:5000] = weights[order]
+    _, scattered = tape_gradient(rows, families, points, weights, device)
+    _, together = tape_gradient(rows, families, points[order], ordered, device)
+    primitives = PrimitiveSet(rows, families, device, requires_grad=True)
+    tape = wp.Tape()
+    field, _ = differentiable_assembly(primitives, point_blocks(points[order], device), tape)
+    tape.backward(grads={field: wp.array(ordered, dtype=float, device=device)})
+    every = primitives.rows.grad.numpy().reshape(-1, ROW)
+    scale = np.abs(every).max()
+    np.testing.assert_allclose(together, every, atol=1e-5 * scale)
+    np.testing.assert_allclose(scattered, every, atol=1e-5 * scale)
+
+
+def test_points_without_weight_ask_for_nothing(device, rng):
+    """Whole blocks of them, and all of them: exactly no gradient; a weight that is no number is not lost."""
+    rows = random_rows(rng, MIXED)
+    points = rng.uniform(-0.9, 0.9, (256, 3)).astype(np.float32)
+    weights = np.zeros(256, np.float32)
+    _, none = tape_gradient(rows, MIXED, points, weights, device)
+    assert not none.any()
+    weights[64:128] = rng.normal(size=64)
+    _, some = tape_gradient(rows, MIXED, points, weights, device)
+    _, alone = tape_gradient(rows, MIXED, points[64:128], weights[64:128], device)
+    assert some.any()
+    np.testing.assert_array_equal(some, alone)
+    weights[:] = np.nan
+    assert np.isnan(tape_gradient(rows, MIXED, points, weights, device)[1]).any()
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+@pytest.mark.parametrize("blend", [0.5, 0.5 + 1 / 64])
+def test_a_block_at_the_edge_of_the_blend(order, blend, device):
+    """Two boxes whose distances differ by 1/2 at all points: with that blend the farther one has exactly no part."""
+    rows = empty_rows(2)
+    rows[:, SHAPES : SHAPES + 3] = 1.0
+    rows[1, 2] = -0.5
+    rows[:, BLEND] = blend
+    points = np.zeros((64, 3), np.float32)
+    points[:, 0], points[:, 2] = np.linspace(-0.25, 0.25, 64), 0.75
+    weights = np.ones(64, np.float32)
+    field, found = tape_gradient(rows[list(order)], ["cuboid"] * 2, points, weights, device)
+    near, far = found[order.index(0)], found[order.index(1)]
+    share = 0.5 - 0.5 / (2 * blend)
+    np.testing.assert_allclose(field, 0.25 - (blend - 0.5) ** 2 / (4 * blend), atol=1e-6)
+    np.testing.assert_allclose([near[2], far[2]], [-64 * (1 - share), -64 * share], rtol=1e-4)
+    assert found[1, BLEND] == pytest.approx(-64 * share * (1 - share), rel=1e-4)
+    assert far.any() == (blend > 0.5)
+
+
 def test_empty_cases(device, rng):
     primitives = PrimitiveSet(random_rows(rng, ["cuboid"]), ["cuboid"], device, requires_grad=True)
     tape = wp.Tape()
@@ -162,12 +234,9 @@ def test_gradients_of_single_primitives_and_activation(device, rng):
     np.testing.assert_allclose(primitives.rows_numpy(), activated(raw), atol=1e-5)
     blocks = point_blocks(points, device)
     field, values = differentiable_assembly(primitives, blocks, tape)
-    padding = blocks.x.shape[0] - 500
     grads = {
-        field: wp.array(np.pad(on_field, (0, padding)).astype(np.float32), dtype=float, device=device),
-        values: wp.array(
-            np.pad(on_values, ((0, 0), (0, padding))).ravel().astype(np.float32), dtype=float, device=device
-        ),
+        field: wp.array(by_block(on_field[None]), dtype=float, device=device),
+        values: wp.array(by_block(on_values), dtype=float, device=device),
     }
     tape.backward(grads=grads)
     found = variable.grad.numpy().reshape(3, ROW)

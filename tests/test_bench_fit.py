@@ -140,11 +140,16 @@ def test_failures_stay_in_the_page() -> None:
 
 def test_the_published_workload_is_measured(device: wp.Device) -> None:
     rows = workload.measure_steps(device, counts=(2,), points=512)
-    assert [(row.axes, row.step) for row in rows] == [
-        (axes, step) for axes in workload.AXES for step in workload.STEPS
+    assert [(row.axes, row.order, row.step) for row in rows] == [
+        (axes, order, step)
+        for axes, order in ((3, "curve"), (1, "curve"), (1, "random"))
+        for step in workload.STEPS
     ]
     assert all(row.ms > 0 and row.published_ms is None for row in rows)
     table = workload.workload_table(rows)
-    assert "at 512 points" in table and len(re.findall(r"^\| [31] \| 2 \|", table, re.M)) == 2
+    assert (
+        "at 512 points" in table
+        and len(re.findall(r"^\| [31] \| 2 \| (?:curve|random) \|", table, re.M)) == 3
+    )
     copies = workload.primitive_set(2, 3, device)
     assert len(copies) == 6 and len(workload.primitive_set(2, 1, device)) == 2

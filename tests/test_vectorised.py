@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from scenes import random_rows
 
-from resfit.kernels.adjoint import SUMS, weighted_sums
+from resfit.kernels.adjoint import differentiable_assembly, differentiable_union
 from resfit.kernels.culling import every_primitive
 from resfit.kernels.field import primitives_at, union_at
 from resfit.kernels.frame import Frame, to_local
@@ -62,7 +62,7 @@ def scene(device, rng, monkeypatch):
         pytest.skip("a matter of the CPU's compiler")
     monkeypatch.setenv("RESFIT_THREADS", "1")
     families = ["superfrustum"] * PRIMITIVES
-    primitives = PrimitiveSet(random_rows(rng, families), families, device)
+    primitives = PrimitiveSet(random_rows(rng, families), families, device, requires_grad=True)
     points = rng.uniform(-1, 1, (POINTS, 3)).astype(np.float32)
     return primitives, points, point_blocks(points, device)
 
@@ -124,11 +124,19 @@ def test_union_gradient(scene, scalar_gradient):
     assert each < scalar_gradient / 2.5
 
 
-def test_adjoint(scene, scalar_gradient):
+def test_adjoint_forward(scene, scalar_forward):
     primitives, _, blocks = scene
-    weights = wp.ones(PRIMITIVES * blocks.x.shape[0], dtype=float, device=primitives.device)
-    sums = wp.empty(PRIMITIVES * blocks.block_count * SUMS, dtype=float, device=primitives.device)
-    each = cpu_seconds(lambda: weighted_sums(primitives, blocks, weights, sums)) / (PRIMITIVES * POINTS)
+    each = cpu_seconds(lambda: differentiable_union(primitives, blocks, wp.Tape())) / (PRIMITIVES * POINTS)
+    assert each < scalar_forward / 2.5
+
+
+def test_adjoint(scene, scalar_gradient):
+    """Every primitive at every point."""
+    primitives, _, blocks = scene
+    tape = wp.Tape()
+    _, values = differentiable_assembly(primitives, blocks, tape)
+    ones = wp.ones(values.shape[0], dtype=float, device=primitives.device)
+    each = cpu_seconds(lambda: tape.backward(grads={values: ones})) / (PRIMITIVES * POINTS)
     assert each < scalar_gradient / 2.5
 
 

@@ -22,7 +22,7 @@ import trimesh
 import warp as wp
 
 from ...kernels import launch as launching
-from ...kernels.adjoint import SUMS, differentiable_union, weighted_sums
+from ...kernels.adjoint import differentiable_assembly, differentiable_union
 from ...kernels.culling import cull, every_primitive
 from ...kernels.distance_grid import signed_distance_transform
 from ...kernels.field import cell_centres, primitives_at, union_at
@@ -89,22 +89,23 @@ def scene_rows(family: str, count: int = PRIMITIVES, seed: int = 0) -> np.ndarra
 
 
 def family_workloads(device: wp.Device) -> Iterator[Workload]:
-    """Each family forward, and value with all derivatives, weighted and summed."""
+    """Each family forward, and backward: all derivatives at every point, weighted and summed."""
     points = point_blocks(np.random.default_rng(1).uniform(-1, 1, (POINTS, 3)), device)
     scene = f"{PRIMITIVES} primitives x {POINTS} points"
     values = wp.empty(PRIMITIVES * POINTS, dtype=float, device=device)
-    weights = wp.ones(PRIMITIVES * POINTS, dtype=float, device=device)
-    sums = wp.empty(PRIMITIVES * points.block_count * SUMS, dtype=float, device=device)
+    ones = wp.ones(PRIMITIVES * POINTS, dtype=float, device=device)
     for name in sorted(FAMILIES, key=lambda name: name != "superfrustum"):
-        primitives = PrimitiveSet(scene_rows(name), [name] * PRIMITIVES, device)
+        primitives = PrimitiveSet(scene_rows(name), [name] * PRIMITIVES, device, requires_grad=True)
+        tape = wp.Tape()
+        _, asked = differentiable_assembly(primitives, points, tape)
         bounds = (3.0, 10.0) if name == "superfrustum" else (0.0, 0.0)
         kind = "approximate distance" if FAMILIES[name].approximate else "distance"
 
         def forward(primitives: PrimitiveSet = primitives) -> None:
             primitives_at(primitives, points, values)
 
-        def adjoint(primitives: PrimitiveSet = primitives) -> None:
-            weighted_sums(primitives, points, weights, sums)
+        def adjoint(tape: wp.Tape = tape, asked: wp.array = asked) -> None:
+            tape.backward(grads={asked: ones})
 
         yield Workload(f"{name}_forward", f"{kind}, {scene}", PRIMITIVES * POINTS, forward, bounds[0])
         yield Workload(

@@ -4,6 +4,8 @@
 both. Theirs takes, by default, each primitive swept along all three of its axes, a mixture that costs three evaluations
 a point; with the axis known it is one. Ours learns the axis the same way, by three turned copies of each primitive
 (`fitter/sweep_axis.py`), so that three axes are measured as three times the primitives, folded by the union.
+Points are in the order of a curve through space, as a fit keeps them, which is made once, before the steps; one line
+shows what random order costs.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import warp as wp
 
 from ...fitter.sweep_axis import turned_copies
 from ...kernels.adjoint import differentiable_union
+from ...kernels.curve import curve_codes
 from ...kernels.points import point_blocks
 from ...kernels.primitive_set import PrimitiveSet
 from ...kernels.rows import ROW
@@ -39,6 +42,8 @@ class StepRow:
     """Sweep axes that are evaluated for each primitive."""
     primitives: int
     points: int
+    order: str
+    """Of the points: along a curve through space, or random."""
     step: str
     """forward, backward or both."""
     one_core_ms: float
@@ -57,10 +62,15 @@ def primitive_set(count: int, axes: int, device: wp.Device) -> PrimitiveSet:
     return PrimitiveSet(rows, ["superfrustum"] * len(rows), device, requires_grad=True)
 
 
-def steps(count: int, axes: int, points: int, device: wp.Device) -> dict[str, Callable[[], None]]:
+def steps(
+    count: int, axes: int, points: int, device: wp.Device, order: str = "curve"
+) -> dict[str, Callable[[], None]]:
     """What each step does, by its name; tables are derived from the parameters in every forward step, as in a fit."""
     primitives = primitive_set(count, axes, device)
-    blocks = point_blocks(np.random.default_rng(1).uniform(-1, 1, (points, 3)), device)
+    places = np.random.default_rng(1).uniform(-1, 1, (points, 3))
+    if order == "curve":
+        places = places[np.argsort(curve_codes(places), kind="stable")]
+    blocks = point_blocks(places, device)
     ones = wp.ones(blocks.x.shape[0], dtype=float, device=device)
 
     def forward() -> tuple[wp.Tape, wp.array]:
@@ -103,26 +113,28 @@ def measure_steps(
 
 
 def _rows(device: wp.Device, counts: Sequence[int], points: int) -> Iterator[StepRow]:
-    for axes in AXES:
-        for count in counts:
-            for step, work in steps(count, axes, points, device).items():
-                found = measure(Workload(step, step, axes * count * points, work), device)
-                published = PUBLISHED.get((axes, count, step)) if points == POINTS else None
-                yield StepRow(
-                    axes,
-                    count,
-                    points,
-                    step,
-                    found.milliseconds,
-                    found.all_cores_milliseconds,
-                    published,
-                )
+    cases = [(axes, count, "curve") for axes in AXES for count in counts]
+    for axes, count, order in [*cases, (AXES[-1], counts[-1], "random")]:
+        for step, work in steps(count, axes, points, device, order).items():
+            found = measure(Workload(step, step, axes * count * points, work), device)
+            published = PUBLISHED.get((axes, count, step)) if points == POINTS else None
+            yield StepRow(
+                axes,
+                count,
+                points,
+                order,
+                step,
+                found.milliseconds,
+                found.all_cores_milliseconds,
+                published,
+            )
 
 
 def say_row(row: StepRow) -> None:
     """One line on stderr."""
     sys.stderr.write(
-        f"{row.primitives} primitives x {row.points} points, {row.axes} sweep axes, {row.step}: {row.ms:.3f} ms\n"
+        f"{row.primitives} primitives x {row.points} points, {row.axes} sweep axes, "
+        f"{row.order} order, {row.step}: {row.ms:.3f} ms\n"
     )
 
 
@@ -135,16 +147,17 @@ def workload_table(rows: Sequence[StepRow]) -> str:
         "",
         f"The smooth union of K SuperFrusta at {points:,} points, every primitive at every point, through `wp.Tape`.",
         "Three sweep axes are the default of the authors' CUDA operator, where a primitive is a mixture of three; here",
-        "they are three turned copies of each primitive, folded by the union in place of the mixture. Milliseconds,",
-        "all cores (one core, in CPU time, in brackets); published: theirs, on a B200.",
+        "they are three turned copies of each primitive, folded by the union in place of the mixture. Points are in",
+        "the order of a curve through space, as a fit keeps them, which is made once, or in random order.",
+        "Milliseconds, all cores (one core, in CPU time, in brackets); published: theirs, on a B200.",
         "",
-        "| sweep axes | K | forward | backward | forward and backward | published forward | published both |",
-        "|---|---|---|---|---|---|---|",
+        "| sweep axes | K | order | forward | backward | forward and backward | published forward | published both |",
+        "|---|---|---|---|---|---|---|---|",
     ]
-    for axes, count in dict.fromkeys((row.axes, row.primitives) for row in rows):
-        own = {row.step: row for row in rows if (row.axes, row.primitives) == (axes, count)}
+    for case in dict.fromkeys((row.axes, row.primitives, row.order) for row in rows):
+        own = {row.step: row for row in rows if (row.axes, row.primitives, row.order) == case}
         cells = [f"{own[step].ms:.3f} ({own[step].one_core_ms:.3f})" for step in STEPS]
         known = [own[step].published_ms for step in ("forward", "both")]
         cells += ["" if value is None else f"{value:.2f}" for value in known]
-        lines.append(f"| {axes} | {count} | {' | '.join(cells)} |")
+        lines.append(f"| {' | '.join([*map(str, case), *cells])} |")
     return "\n".join(lines) + "\n"
