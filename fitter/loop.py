@@ -38,6 +38,9 @@ REACHED = (Status.TARGET_IOU, Status.TOLERANCE)
 ENDED = (Status.SATURATED, Status.ROUNDS)
 """Ends of a track after which a fit goes on."""
 
+POOR_IOU, POOR_SHARE = 0.8, 0.4
+"""Below this IoU a fit goes on with primitives at this share of their price."""
+
 LOOK_AROUND = 0.1
 """Seconds between looks at a track that is waited for."""
 
@@ -49,11 +52,12 @@ class Fit(Track):
         """All rounds, then the blends and a last refinement."""
         status = self.run_tracks()
         if status in REACHED:
-            self.score = at_price(self.score, self.config.parsimony, self.alpha)
+            self.score = at_price(self.score, self.price, self.alpha)
         else:
             self.rows, self.score, self.iou = self.best_rows, self.best_score, self.best_iou
             if not status.stopped_early:
                 self.finish()
+        self.score = at_price(self.score, self.config.parsimony, self.price)
         order = (
             np.argsort(-rough_volume(self.rows), kind="stable")
             if self.config.union == "hard"
@@ -94,7 +98,18 @@ class Fit(Track):
             self.take_best()
             self.saturation = SATURATION
             status = self.run_track(max(1, config.rounds - len(self.rounds)), (), np.concatenate(ends))
+        left = config.rounds - len(self.rounds)
+        if status is Status.SATURATED and 0 < self.best_iou < POOR_IOU and left > 0:
+            self.take_best()
+            self.lower_price()
+            status = self.run_track(left, RICH_ROUNDS[-1:])
         return status
+
+    def lower_price(self) -> None:
+        """Go on with cheaper primitives: nobody wants few parts that are a poor likeness."""
+        before, self.price = self.price, POOR_SHARE * self.price
+        self.score = at_price(self.score, self.price, before)
+        self.best_score = at_price(self.best_score, self.price, before)
 
     def take_best(self) -> None:
         """Go on from the best so far."""
@@ -162,7 +177,7 @@ class Fit(Track):
         """Blends and a sharp refinement in turn; kept only where the objective rises."""
         if not len(self.rows):
             return
-        self.alpha = self.config.parsimony
+        self.alpha = self.price
         with self.timed("merge"):
             if self.config.optimizer == "levenberg":
                 self.merge()

@@ -107,7 +107,7 @@ class Track(Workbench):
             if reason is not None:
                 return reason
             if rich is None:
-                score = at_price(self.score, self.config.parsimony, self.alpha).objective
+                score = at_price(self.score, self.price, self.alpha).objective
                 if score - top <= self.saturation:
                     return Status.SATURATED
                 top = score
@@ -135,7 +135,7 @@ class Track(Workbench):
         """
         config = self.config
         share, false_volume = rich or (1.0, 1.0)
-        self.alpha = config.parsimony * share
+        self.alpha = self.price * share
         self.score = self.assess(self.rows)
         self.tell("decompose", number, 0.0)
         with self.timed("decompose"):
@@ -229,7 +229,7 @@ class Track(Workbench):
 
     def remember_best(self) -> None:
         """Keep the rows if they beat the best at the full price."""
-        score = at_price(self.score, self.config.parsimony, self.alpha)
+        score = at_price(self.score, self.price, self.alpha)
         if score.objective > self.best_score.objective:
             self.best_rows, self.best_score, self.best_iou = self.rows, score, self.iou
 

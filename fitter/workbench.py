@@ -70,7 +70,7 @@ class Workbench:
         self.grid_wanted = wp.array(any_in_blocks(self.inside_target), dtype=int, device=device)
         self.coarse_cells, centres = coarse_inside(target.grid)
         self.coarse_blocks = point_blocks(centres, device)
-        self.alpha = config.parsimony
+        self.price = self.alpha = config.parsimony
         self.timings: dict[str, float] = {}
         self.positions, self.place = [0.0], 0
         """Rounds done of each track, and this one's place among them."""
