@@ -23,7 +23,7 @@ from .objective import at_price
 from .outcome import Outcome, Status
 from .refine import refine
 from .select import prune
-from .track import RICH_ROUNDS, SATURATION, SECOND_RICH, TRACK_SATURATION, Track
+from .track import JOINT_RICH, RICH_ROUNDS, SATURATION, SECOND_RICH, TRACK_SATURATION, Track
 from .workbench import Progress
 
 MERGED = (40.0, 300.0)
@@ -97,7 +97,8 @@ class Fit(Track):
         if status in ENDED and len(ends) > 1:
             self.take_best()
             self.saturation = SATURATION
-            status = self.run_track(max(1, config.rounds - len(self.rounds)), (), np.concatenate(ends))
+            left = max(1, config.rounds - len(self.rounds))
+            status = self.run_track(left, JOINT_RICH, np.concatenate(ends))
         left = config.rounds - len(self.rounds)
         if status is Status.SATURATED and 0 < self.best_iou < POOR_IOU and left > 0:
             self.take_best()

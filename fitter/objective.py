@@ -1,4 +1,4 @@
-"""The objective O = R - alpha n - 0.1 overlap - 0.2 unoverlap on fixed sample points, and its counts.
+"""The objective O = R - alpha n - 0.1 overlap - 0.25 unoverlap on fixed sample points, and its counts.
 
 R is the mean of two IoUs: on points near the surface, weighted by curvature, and on uniform points of the box.
 """
@@ -16,7 +16,7 @@ SEARCH_OVERLAP_PRICE = 0.03
 """The same while candidates are chosen: refinement takes overlaps away, and at the full price too few are chosen."""
 
 
-UNOVERLAP_PRICE = 0.2
+UNOVERLAP_PRICE = 0.25
 """Objective lost to a share of the volume that no primitive holds, only the blends between them: shape that shows in
 no part is shape that nobody can edit."""
 

@@ -42,6 +42,9 @@ pockets as one box)."""
 SECOND_RICH = ((0.4, 2.0), (0.7, 1.4))
 """The same of a second beginning."""
 
+JOINT_RICH = ((0.7, 1.2),)
+"""The same where the ends of several tracks are put together."""
+
 ADAM_SEEDS = 7
 """Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
 
