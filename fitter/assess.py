@@ -14,7 +14,7 @@ from ..kernels.rows import BLEND, SHAPES
 from .objective import UNOVERLAP_PRICE, Score, Tally
 from .refine import fold
 
-BLEND_CHOICES = (0.0, 0.01, 0.02, 0.04, 0.06)
+BLEND_CHOICES = (0.0, 0.01, 0.02, 0.035, 0.055)
 """Blend radii that are tried, ascending, normalised units."""
 
 

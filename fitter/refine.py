@@ -30,7 +30,7 @@ from .objective import ObjectiveSamples
 
 SHARED_DAMPING = Damping(better=0.4, worse=6.0, least=1e-5)
 
-MOST_BLEND = 0.06
+MOST_BLEND = 0.055
 """Largest blend radius, normalised units. A blend of 0 stays 0."""
 
 RAISE = 1.5
