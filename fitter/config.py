@@ -121,7 +121,7 @@ FAST_STAGES = (
 
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
-        "parsimony": 2.42e-3,
+        "parsimony": 2.5e-3,
         "rounds": 4,
         "excursions": 0,
         "samples": 8192,
@@ -132,7 +132,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "polish": PolishConfig(passes=1, merges=3),
     },
     "balanced": {
-        "parsimony": 2.42e-3,
+        "parsimony": 2.5e-3,
         "rounds": 20,
         "excursions": 1,
         "samples": 16_384,
