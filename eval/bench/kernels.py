@@ -110,7 +110,7 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
         yield Workload(f"{name}_forward", f"{kind}, {scene}", PRIMITIVES * POINTS, forward, bounds[0])
         yield Workload(
             f"{name}_adjoint",
-            f"{kind} and all derivatives, summed, {scene}",
+            f"{kind}, backward step: all derivatives, weighted and summed, {scene}",
             PRIMITIVES * POINTS,
             adjoint,
             bounds[1],
