@@ -23,7 +23,7 @@ from ..assembly.history import History, HistoryRound
 from ..assembly.primitive import Primitive
 from ..kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
 
-Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "live", "final"]
+Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
 
 TITLES: dict[Stage, str] = {
     "regions": "regions to explain",
@@ -110,7 +110,7 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
         new = [row for row in entry.candidates if _is_new(row, seen)]
         if begins_anew(entry):
             standing = "nothing yet"
-        scored = _figures(len(entry.kept), entry.score.get("volume_iou"), entry.score.get("objective"))
+        scored = figures(len(entry.kept), entry.score.get("volume_iou"), entry.score.get("objective"))
         verdict: Stage = "kept" if entry.accepted else "rejected"
         shown: tuple[tuple[Stage, _Set, str], ...] = (
             ("regions", start, f"{_sources(entry.regions)} · {standing}"),
@@ -145,7 +145,7 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
 
 def final_frame(assembly: Assembly, rounds: int, iou: float | None, objective: float | None = None) -> Frame:
     """The step that shows what a fit came to."""
-    detail = _figures(len(assembly.primitives), iou, objective)
+    detail = figures(len(assembly.primitives), iou, objective)
     if not rounds:
         detail += " · fitted part by part, without rounds"
     return Frame("final", rounds, "The result", detail, assembly)
@@ -217,24 +217,30 @@ def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, 
 
 def _named(assembly: Assembly, kept: Sequence[_Set]) -> tuple[dict[int, str], dict[int, str]]:
     """Names and colours by number of the parts that end up in the result: those of the nearest set that was kept."""
+    best: tuple[list[tuple[int, int]], float] = ([], 0.0)
+    for parts in kept:
+        pairs, closeness = matches(assembly.rows(), parts.rows)
+        if closeness > best[1]:
+            best = [(k, parts.ids[j]) for k, j in pairs], closeness
+    primitives = assembly.primitives
+    names = {id: primitives[k].name for k, id in best[0]}
+    return names, {id: primitives[k].color for k, id in best[0]}
+
+
+def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]], float]:
+    """Which parts of two sets, rows (k, ROW), are much the same in place and size.
+
+    Returns:
+        Pairs of indices, and how close the sets are: 0 for nothing in common.
+    """
     from scipy.optimize import linear_sum_assignment
 
-    rows = assembly.rows()
-    best: tuple[float, list[tuple[int, int]]] = (0.0, [])
-    for parts in kept:
-        if not len(parts.rows) or not len(rows):
-            continue
-        columns = [*range(TRANSLATION, TRANSLATION + 3), *range(SHAPES, SHAPES + 3)]
-        away = np.linalg.norm(rows[:, None, columns] - parts.rows[None, :, columns], axis=2)
-        away = np.minimum(away, SAME_PART)
-        pairs = np.transpose(linear_sum_assignment(away))
-        found = [(int(k), parts.ids[j]) for k, j in pairs if away[k, j] < SAME_PART]
-        closeness = float(sum(SAME_PART - away[k, j] for k, j in pairs))
-        if closeness > best[0]:
-            best = closeness, found
-    primitives = assembly.primitives
-    names = {id: primitives[k].name for k, id in best[1]}
-    return names, {id: primitives[k].color for k, id in best[1]}
+    columns = [*range(TRANSLATION, TRANSLATION + 3), *range(SHAPES, SHAPES + 3)]
+    away = np.linalg.norm(rows[:, None, columns] - others[None, :, columns], axis=2)
+    away = np.minimum(away, SAME_PART)
+    pairs = [(int(k), int(j)) for k, j in zip(*linear_sum_assignment(away), strict=True)]
+    closeness = float(sum(SAME_PART - away[pair] for pair in pairs))
+    return [pair for pair in pairs if away[pair] < SAME_PART], closeness
 
 
 def _is_new(row: np.ndarray, seen: set[bytes]) -> bool:
@@ -256,7 +262,8 @@ def _parts(count: int) -> str:
     return f"{count} part" if count == 1 else f"{count} parts"
 
 
-def _figures(count: int, iou: float | None, objective: float | None) -> str:
+def figures(count: int, iou: float | None, objective: float | None) -> str:
+    """What there is to say about a set, in a line; without what is None."""
     text = _parts(count)
     text += f" · IoU {iou:.3f}" if iou is not None else ""
     return text + (f" · objective {objective:.3f}" if objective is not None else "")

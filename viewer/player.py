@@ -61,11 +61,15 @@ class Player:
         self._dirty, self._next, self._last = True, 0.0, (0, 0)
         self._drag: Callable[[int, int], None] | None = None
         self._observe()
+        self._leave_room()
+        self.scene.scene.frame()
 
     def run(self) -> None:
         """Show the window until it is closed."""
         self.plotter.show(interactive=False, auto_close=False)
         self._take_over()
+        self._leave_room()
+        self.scene.scene.frame()
         self.tick()
         self.interactor.CreateRepeatingTimer(TICK)
         self.interactor.Start()
@@ -184,8 +188,8 @@ class Player:
             "MouseWheelForwardEvent": lambda: self._zoom(0.9),
             "MouseWheelBackwardEvent": lambda: self._zoom(1.0 / 0.9),
             "KeyPressEvent": self._key,
-            "ConfigureEvent": self._redraw,
-            "WindowResizeEvent": self._redraw,
+            "ConfigureEvent": self._leave_room,
+            "WindowResizeEvent": self._leave_room,
             "TimerEvent": self.tick,
         }.items():
             self.interactor.AddObserver(event, _calling(handler), 10.0)
@@ -195,7 +199,11 @@ class Player:
         self.interactor.SetInteractorStyle(None)
         self.interactor.EnableRenderOff()
 
-    def _redraw(self) -> None:
+    def _leave_room(self) -> None:
+        """Keep the scene above the slider."""
+        share = min(0.5, FOOT / max(1, self.window.GetSize()[1]))
+        for renderer in (self.plotter.renderer, self.scene.over):
+            renderer.SetViewport(0.0, share, 1.0, 1.0)
         self._dirty = True
 
     def _button(self, drag: Callable[[int, int], None]) -> None:

@@ -10,10 +10,12 @@ from cyclopts import Group, Parameter
 
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
+from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
 
 if TYPE_CHECKING:
+    from resfit.fitter.workbench import Progress
     from resfit.result import FitResult
 
 STOPPED = 4
@@ -45,6 +47,7 @@ def fit(
     snap: Annotated[bool, Parameter(negative="")] = False,
     pareto: Annotated[bool, Parameter(negative="")] = False,
     per_part: Annotated[bool | None, Parameter(negative="--whole")] = None,
+    view: Annotated[bool, Parameter(negative="")] = False,
     progress: Annotated[ProgressMode, Parameter(group=MORE)] = "auto",
 ) -> int:
     """Fit an assembly of primitives to a mesh, and write it to a folder.
@@ -74,6 +77,7 @@ def fit(
         pareto: write the best assembly of every number of parts too; the fit itself is the one that pays best.
         per_part: fit the mesh's nodes, or else its bodies, one by one and keep their names; --whole never does; unless
             given, that is done where it pays.
+        view: open a window that shows the fit as it happens; closing it does not stop the fit.
         progress: a bar if stderr is a terminal (auto), one JSON object a line on stderr (json), or none.
     """
     options = {
@@ -96,10 +100,12 @@ def fit(
         "pareto": pareto or None,
         "per_part": None if per_part is None else ("on" if per_part else "off"),
     }
-    return run_fit(mesh, output or default_folder(mesh), progress, options)
+    return run_fit(mesh, output or default_folder(mesh), progress, options, view)
 
 
-def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any]) -> int:
+def run_fit(
+    mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any], view: bool = False
+) -> int:
     """Fit, write and sum up; returns the exit code.
 
     Args:
@@ -107,20 +113,38 @@ def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str,
         folder: where the fit goes.
         progress: how to show it.
         options: keywords of `resfit.api.fit`.
+        view: whether to show it in a window, which then stays open with the result.
 
     Raises:
         InputError: before the work begins, if the mesh, an option or the folder cannot be used.
+        DisplayError: before the work begins, if there is no screen for the window.
     """
     init = options.get("init")
     inputs = [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
     check_folder(folder, inputs)
+    with watching(mesh, view, options.get("primitive") or "superfrustum") as watcher:
+        code, result = _fit_and_write(mesh, folder, progress, options, watcher)
+        # Ctrl-C ends the process again from here on; what is written stays.
+        sys.stdout.flush()
+        watcher.finish(result)
+    return code
+
+
+def _fit_and_write(
+    mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any], watcher: Watcher
+) -> tuple[int, FitResult]:
+    """The same as `run_fit`, without its checks; the exit code and the result."""
     clock = Clock.of_process()
     with catching_signals() as stop, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
         from resfit.api import fit as fit_mesh
 
+        def show(stage: Progress) -> None:
+            reporter.show(stage)
+            watcher.show(stage)
+
         should_stop = _told_once(stop, reporter)
-        result = fit_mesh(mesh, None, reporter.show, should_stop=should_stop, clock=clock, **options)
+        result = fit_mesh(mesh, None, show, should_stop=should_stop, clock=clock, **options)
         code = STOPPED if result.status.stopped_early or stop.requested else 0
         # What was stopped before it began is worth less than an earlier fit.
         written = None if result.placeholder and holds_fit(folder) else str(folder)
@@ -134,7 +158,7 @@ def run_fit(mesh: Path, folder: Path, progress: ProgressMode, options: dict[str,
         sys.stderr.write(
             f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.\n"
         )
-    return code
+    return code, result
 
 
 def _told_once(stop: Stop, reporter: Reporter) -> Any:
