@@ -129,7 +129,7 @@ class Fit(Track):
             status = self.run_track(limit, RICH_ROUNDS)
             if status not in ENDED:
                 return status, [self.rows]
-            second.interrupted = self.interrupted
+            second.interrupted, second.timings = self.interrupted, self.timings
             return self.join(status, second, second.run_track(limit, SECOND_RICH))
         cores = core_count() // 2
 
@@ -143,7 +143,8 @@ class Fit(Track):
                 with on_cores(core_count() - cores):
                     status = self.run_track(limit, RICH_ROUNDS)
                 if status in ENDED:
-                    self.wait_for(other, halt)
+                    with self.timed("wait"):
+                        self.wait_for(other, halt)
             finally:
                 halt.set()
         if status in REACHED or status is Status.MAX_PRIMITIVES:
@@ -162,8 +163,6 @@ class Fit(Track):
         ends = [self.rows, second.rows]
         self.rounds += second.rounds
         self.memory.take(second.memory)
-        for stage, seconds in second.timings.items():
-            self.timings[stage] = self.timings.get(stage, 0.0) + seconds
         if second.best_score.objective > self.best_score.objective:
             self.best_rows, self.best_score, self.best_iou = (
                 second.best_rows,

@@ -36,6 +36,7 @@ STAGES = {
     "refine": "all primitives moved together",
     "prune": "blends, and primitives that do not pay",
     "field": "the union on the grid",
+    "wait": "for the other beginning, which goes on beside this one",
     "merge": "one candidate in the place of several",
     "finish": "last blends and refinements",
     "tolerance": "distances between the surfaces, where a tolerance is wanted",
