@@ -83,7 +83,8 @@ def save_film(
         DisplayError: if nothing can be drawn here.
     """
     motion = film.motion or ("optimisation" if history_folder(request) else "turntable")
-    size, seconds = request.size or SIZE, film.seconds or SECONDS[motion]
+    size = request.size or SIZE
+    seconds = SECONDS[motion] if film.seconds is None else film.seconds
     check_film(film.path, size, seconds, film.fps)
     camera = read_camera(request)
     view = first_view(request, camera)
