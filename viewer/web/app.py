@@ -56,9 +56,9 @@ class App:
         self._live = False
         self._still = False
         self._revision = 0
-        server.state.update({"save_name": save_name(controller), "save_dialog": False})
+        server.state.update({"save_name": save_name(controller), "save_dialog": False, "resting": False})
         self._tell()
-        for name in ("run", "select", "hide", "only", "slide", "settle", "type", "rename", "add", "save"):
+        for name in ("run", "select", "hide", "only", "slide", "type", "rename", "add", "save"):
             server.controller.trigger(name)(getattr(self, f"on_{name}"))
         server.controller.trigger("text")(self.text)
 
@@ -69,6 +69,7 @@ class App:
         if slot and self._waiting and self._waiting[-1][0] == slot:
             self._waiting.pop()
         self._waiting.append((slot, action))
+        self.server.state.resting = False
         self._wake.set()
 
     async def run(self) -> None:
@@ -86,6 +87,11 @@ class App:
 
     def round(self) -> None:
         """Do what waits, and send what came of it."""
+        self._act()
+        self._tell()
+        self.send(still=False)
+
+    def _act(self) -> None:
         waiting, self._waiting = self._waiting, []
         for _, action in waiting:
             try:
@@ -102,7 +108,7 @@ class App:
         self.send(still=False)
 
     def send(self, still: bool) -> None:
-        """Draw and send a picture."""
+        """Draw and send a picture; the page is told whether it is the finished one."""
         self._still = still
         if self._streamer is None:
             return
@@ -112,6 +118,9 @@ class App:
             "st": int(1000 * time.time()), "quality": frame.quality,
         }  # fmt: skip
         self._streamer.push_content(AREA, about, frame.content)
+        if still:
+            with self.server.state as state:
+                state.resting = True
 
     def _tell(self) -> None:
         """Send what is shown beside the picture, as far as it changed."""
@@ -139,7 +148,7 @@ class App:
         self.pointer.handle(event)
 
     def reset(self) -> None:
-        """A page wants the picture again."""
+        """The picture is wanted again."""
         self.post(lambda: None)
 
     def _resize(self, width: float, height: float, ratio: float) -> None:
@@ -166,18 +175,16 @@ class App:
         """A part is to be shown alone, or with all others again."""
         self._edit(lambda: self.controller.session.isolate(PartRef(item, name)))
 
-    def on_slide(self, slider_id: str, value: float) -> None:
-        """A slider is being dragged."""
+    def on_slide(self, slider_id: str, value: float, done: bool) -> None:
+        """A slider is being dragged, or was let go."""
 
         def slide() -> None:
             self._live = True
             self.controller.slide(str(slider_id), float(value))
 
         self.post(slide, f"slide {slider_id}")
-
-    def on_settle(self) -> None:
-        """A slider was let go."""
-        self.post(self._settle)
+        if done:
+            self.post(self._settle)
 
     def on_type(self, slider_id: str, text: str) -> None:
         """A number was typed."""
@@ -216,7 +223,8 @@ class App:
 
     def text(self) -> str:
         """The edited assembly as the text of an assembly.json, for the page to download."""
-        self.round()
+        self.reset()
+        self._act()
         return self.controller.session.state.assemblies[self.controller.item].to_json().decode()
 
     def _settle(self) -> None:

@@ -35,7 +35,7 @@ def build_page(server: Any, app: App) -> None:
     with VAppLayout(server, vuetify_config=THEME) as layout:
         client.Style((files("resfit.viewer.web") / "style.css").read_text(encoding="utf-8"))
         with layout.root, html.Div(classes="page"):
-            with html.Div(classes="stage"):
+            with html.Div(classes="stage", raw_attrs=[':data-resting="resting"']):
                 _picture(app)
                 _switches()
             with html.Aside(classes="panel"):
@@ -67,11 +67,9 @@ def _switches() -> None:
                 v_for="toggle in toggles",
                 key="toggle.name",
                 type="button",
-                __properties=[("aria_pressed", "aria-pressed")],
-                aria_pressed=("toggle.on",),
+                raw_attrs=[':aria-pressed="toggle.on"', ':data-switch="toggle.name"'],
                 title=("toggle.about",),
                 classes="chip",
-                data_switch=("toggle.name",),
                 click="trigger('run', [toggle.name])",
             )
             html.Span(classes="gap")
@@ -86,7 +84,7 @@ def _heading() -> None:
     with html.Header():
         with html.Div(classes="names"):
             html.H1("{{ title }}")
-            html.P("{{ status }}", data_status=True)
+            html.P("{{ status }}", raw_attrs=["data-status"])
         _icon("mdi-undo", "undo", "trigger('run', ['undo'])", disabled="!can_undo")
         _icon("mdi-redo", "redo", "trigger('run', ['redo'])", disabled="!can_redo")
 
@@ -126,7 +124,7 @@ def _part_row() -> None:
     from trame.widgets import html
 
     chosen = "{ selected: part.selected, hidden: part.hidden }"
-    with html.Li(v_for=PARTS, key=KEY, classes=(chosen,), data_part=("part.name",)):
+    with html.Li(v_for=PARTS, key=KEY, classes=(chosen,), raw_attrs=[':data-part="part.name"']):
         with html.Button(
             classes="name",
             type="button",
@@ -152,7 +150,7 @@ def _editor() -> None:
             with html.Div(classes="part"):
                 html.Input(
                     type="text", value=("selected[1]",), maxlength=200, title="name of the part",
-                    __properties=[("aria_label", "aria-label")], aria_label="name",
+                    raw_attrs=['aria-label="name"'],
                     change="trigger('rename', [$event.target.value])",
                     keydown_enter="$event.target.blur()",
                 )  # fmt: skip
@@ -170,14 +168,12 @@ def _slider_row(rows: str) -> None:
         html.Span("{{ row.label }}")
         html.Input(
             type="range", min=("row.low",), max=("row.high",), step=("row.step",), value=("row.value",),
-            data_slider=("row.id",),
-            input=(
-                "row.value = Number($event.target.value); trigger('slide', [row.id, row.value])"
-            ),
-            change="trigger('settle')",
+            raw_attrs=[':data-slider="row.id"'],
+            input="row.value = Number($event.target.value); trigger('slide', [row.id, row.value, false])",
+            change="trigger('slide', [row.id, Number($event.target.value), true])",
         )  # fmt: skip
         html.Input(
-            type="number", step="any", value=("Number(Number(row.value).toPrecision(4))",), data_value=("row.id",),
+            type="number", step="any", value=("Number(Number(row.value).toPrecision(4))",), raw_attrs=[':data-value="row.id"'],
             change="trigger('type', [row.id, $event.target.value])",
         )  # fmt: skip
         html.Small("{{ row.unit }}")
@@ -207,7 +203,7 @@ def _save_dialog() -> None:
             html.P("In the folder of the assembly, as", classes="hint")
             vuetify.VTextField(
                 v_model=("save_name",), density="compact", variant="outlined", hide_details=True, autofocus=True,
-                maxlength=100, keydown_enter=save, data_save=True,
+                maxlength=100, keydown_enter=save, raw_attrs=["data-save"],
             )  # fmt: skip
         with vuetify.VCardActions():
             vuetify.VSpacer()
