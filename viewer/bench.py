@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,15 +14,22 @@ from ..assembly.assembly import Assembly
 from ..assembly.colors import palette_color
 from ..assembly.primitive import Pose, Primitive
 from ..kernels.launch import core_count
+from .controller import Controller
+from .documents import Document
 from .edits import EditSession
 from .poses import to_quaternion, to_vector
 from .probe import probe_rendering, require
 from .scene import Scene
 from .stage import make_plotter, smooth
+from .web.picture import Picture
+from .web.state import page_state
 
 PARTS, EDITS = 30, 60
 SIZE = (1030, 860)
 """Pixels: what the panel leaves of the usual window."""
+
+WEB_SIZE = (940, 800)
+"""The same of a page of 1280 x 800."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,10 @@ class ViewTimes:
     """The whole for an edit of a blend, which needs the surface of the union, made coarse."""
     settled: float
     """After the drag: fine surfaces of part and union, and a picture, edges not smoothed."""
+    web_total: float
+    """For a page, on its server: the edit, meshes, numbers to show, a picture of the page's size, packed."""
+    web_bytes: float
+    """Of such a picture."""
     size: tuple[int, int]
     renderer: str
     cores: int
@@ -75,6 +88,7 @@ def measure_view(parts: int = PARTS, edits: int = EDITS, device: str = "auto") -
             plotter.render_window.Render()
             settled.append(time.perf_counter() - begin)
         blends = _drag(scene, max(8, edits // 4), offset=2, blend=True)
+        web = _drag_web(scene, edits)
         text = plotter.render_window.ReportCapabilities()
         renderer = next((line for line in text.splitlines() if "renderer string" in line), ": unknown")
     finally:
@@ -83,7 +97,8 @@ def measure_view(parts: int = PARTS, edits: int = EDITS, device: str = "auto") -
     totals = 1e3 * alone.sum(axis=1)
     return ViewTimes(
         parts, edits, model, surface, picture, float(np.median(totals)), float(np.percentile(totals, 95)),
-        1e3 * float(np.median(blends.sum(axis=1))), 1e3 * float(np.median(settled)), SIZE,
+        1e3 * float(np.median(blends.sum(axis=1))), 1e3 * float(np.median(settled)),
+        1e3 * float(np.median(web[:, 0])), float(np.median(web[:, 1])), SIZE,
         renderer.partition(":")[2].strip(), core_count(),
     )  # fmt: skip
 
@@ -98,6 +113,8 @@ def describe(times: ViewTimes) -> str:
         f"  total      {times.total:8.2f}   95th percentile {times.slowest:.1f}\n"
         f"  let go     {times.settled:8.2f}   fine surfaces and picture\n"
         f"  blend      {times.blend_total:8.2f}   total, with the surface of the union\n"
+        f"  page       {times.web_total:8.2f}   total on the server, {WEB_SIZE[0]} x {WEB_SIZE[1]} packed into "
+        f"{times.web_bytes / 1024:.0f} kB\n"
         f"on {times.cores} cores, drawn by {times.renderer}\n"
     )
 
@@ -149,4 +166,26 @@ def _drag(scene: Scene, edits: int, offset: int, blend: bool = False) -> np.ndar
         meshed = time.perf_counter()
         scene.plotter.render_window.Render()
         rows.append((changed - begin, meshed - changed, time.perf_counter() - meshed))
+    return np.array(rows)
+
+
+def _drag_web(scene: Scene, edits: int) -> np.ndarray:
+    """Seconds and bytes (edits, 2) of what the server of a page does for each value of a slider."""
+    session = scene.session
+    documents = [Document(assembly, Path("assembly.json"), "bench") for assembly in session.state.assemblies]
+    controller, picture = Controller(scene, documents), Picture(scene)
+    picture.resize(*WEB_SIZE)
+    picture.draw(still=False)
+    rows = []
+    for k in range(edits):
+        # Another part each time, as in `_drag`, with values that were not there before.
+        session.select(session.refs()[7 * k % len(session.refs())])
+        sliders = [slider for slider in controller.sliders() if slider.group == "Shape"]
+        slider = sliders[7 * k % len(sliders)]
+        low, high = slider.range
+        begin = time.perf_counter()
+        controller.slide(slider.id, low + (0.15 + 0.5 * ((0.618 * (k + 1.1)) % 1.0)) * (high - low))
+        json.dumps(page_state(controller, live=True))
+        content = picture.draw(still=False).content
+        rows.append((time.perf_counter() - begin, len(content)))
     return np.array(rows)

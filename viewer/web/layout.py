@@ -72,10 +72,10 @@ def _switches() -> None:
                 classes="chip",
                 click="trigger('run', [toggle.name])",
             )
-            html.Span(classes="gap")
-            for name, label in (("frame", "fit"), ("front", "front"), ("side", "side"), ("top", "top")):
-                _button(label, f"trigger('run', ['{name}'])", classes="chip")
-            _button("{{ up }} up", "trigger('run', ['up'])", classes="chip", title="which axis points up")
+    with html.Div(classes="chips looks"):
+        for name, label in (("frame", "fit"), ("front", "front"), ("side", "side"), ("top", "top")):
+            _button(label, f"trigger('run', ['{name}'])", classes="chip")
+        _button("{{ up }} up", "trigger('run', ['up'])", classes="chip", title="which axis points up")
 
 
 def _heading() -> None:
@@ -173,7 +173,8 @@ def _slider_row(rows: str) -> None:
             change="trigger('slide', [row.id, Number($event.target.value), true])",
         )  # fmt: skip
         html.Input(
-            type="number", step="any", value=("Number(Number(row.value).toPrecision(4))",), raw_attrs=[':data-value="row.id"'],
+            type="number", step="any", value=("Math.round(1e4 * row.value) / 1e4",),
+            raw_attrs=[':data-value="row.id"'],
             change="trigger('type', [row.id, $event.target.value])",
         )  # fmt: skip
         html.Small("{{ row.unit }}")
