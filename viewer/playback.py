@@ -67,16 +67,17 @@ class Frame:
 
 @dataclass(frozen=True)
 class _Set:
-    """Rows (k, ROW) and a number for each part, the same in all steps."""
+    """Rows (k, ROW), a number for each part that is the same in all steps, and what is known of the whole."""
 
     rows: np.ndarray
     ids: tuple[int, ...]
+    figures: str = ""
 
     def by_row(self) -> dict[bytes, int]:
         return {row.tobytes(): id for row, id in zip(self.rows, self.ids, strict=True)}
 
 
-NOTHING = _Set(np.zeros((0, ROW), np.float32), ())
+NOTHING = _Set(np.zeros((0, ROW), np.float32), (), "nothing yet")
 
 
 def load_playback(folder: Path, assembly: Assembly) -> tuple[Frame, ...]:
@@ -105,19 +106,19 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
     rounds = list(_followed(history))
     names, colors = _named(assembly, [sets["kept"] for entry, _, sets in rounds if entry.accepted])
     count, seen, frames = len(rounds), set[bytes](), []
-    standing = "nothing yet"
     for number, (entry, start, sets) in enumerate(rounds, 1):
         new = [row for row in entry.candidates if _is_new(row, seen)]
-        if begins_anew(entry):
-            standing = "nothing yet"
-        scored = figures(len(entry.kept), entry.score.get("volume_iou"), entry.score.get("objective"))
         verdict: Stage = "kept" if entry.accepted else "rejected"
         shown: tuple[tuple[Stage, _Set, str], ...] = (
-            ("regions", start, f"{_sources(entry.regions)} · {standing}"),
-            ("candidates", start, f"{len(entry.candidates)} candidates, {len(new)} of them new · {standing}"),
+            ("regions", start, f"{_sources(entry.regions)} · {start.figures}"),
+            (
+                "candidates",
+                start,
+                f"{len(entry.candidates)} candidates, {len(new)} of them new · {start.figures}",
+            ),
             ("chosen", sets["chosen"], f"{_parts(len(entry.chosen))} of {len(entry.candidates)} candidates"),
             ("refined", sets["refined"], _parts(len(entry.refined))),
-            (verdict, sets["kept"], scored),
+            (verdict, sets["kept"], sets["kept"].figures),
         )
         for stage, parts, detail in shown:
             primitives = tuple(
@@ -138,8 +139,6 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
                 faint = (Primitive.from_row(history.family, f"new_{k:04d}", row) for k, row in enumerate(new))
                 frame = replace(frame, faint=tuple(faint))
             frames.append(frame)
-        if entry.accepted:
-            standing = scored
     return (*frames, final_frame(assembly, count, iou))
 
 
@@ -209,7 +208,8 @@ def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, 
             if id is None:
                 id, next_id = next_id, next_id + 1
             ids.append(id)
-        kept = _Set(entry.kept, tuple(ids))
+        scored = figures(len(entry.kept), entry.score.get("volume_iou"), entry.score.get("objective"))
+        kept = _Set(entry.kept, tuple(ids), scored)
         yield entry, start, {"chosen": chosen, "refined": refined, "kept": kept}
         if entry.accepted:
             earlier.append(kept)

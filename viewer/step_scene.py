@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CANDIDATE, BOX = "#3b6ea8", "#2f5a91"
 CANDIDATE_STRENGTH, BOX_STRENGTH = 0.16, 0.5
-VEILS = 24
+VEILS = 10
 """Candidates from which on each is drawn the fainter, the more there are."""
 
 OVER_LAYER, PANEL_LAYER = 1, 2

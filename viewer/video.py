@@ -23,6 +23,9 @@ MAX_FPS = {".gif": 50.0, ".mp4": 120.0}
 PALETTE_PICTURES = 8
 """From how many pictures the colours of a GIF are chosen. All share one palette, so that nothing flickers."""
 
+RARE = 8
+"""By how many pixels each colour counts beside its own."""
+
 QUALITY = 7
 """Of imageio-ffmpeg's 0 to 10."""
 
@@ -80,8 +83,10 @@ def _write_gif(path: Path, pictures: Pictures, count: int, fps: float) -> None:
 
     chosen = np.unique(np.linspace(0, count - 1, min(count, PALETTE_PICTURES)).round().astype(int))
     # Every third pixel shows all colours there are.
-    sample = np.concatenate([pictures(int(k))[::3, ::3] for k in chosen])
-    palette = Image.fromarray(sample).quantize(256, Image.Quantize.MEDIANCUT, kmeans=1)
+    sample = np.concatenate([pictures(int(k))[::3, ::3].reshape(-1, 3) for k in chosen])
+    # Most of them are background: that rare colours count too, each is there once more.
+    sample = np.concatenate([sample, np.repeat(np.unique(sample, axis=0), RARE, axis=0)])
+    palette = Image.fromarray(sample[:, None]).quantize(256, Image.Quantize.MEDIANCUT, kmeans=1)
 
     def quantised() -> Iterator[Image.Image]:
         for k in range(count):
