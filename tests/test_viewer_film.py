@@ -70,14 +70,14 @@ def test_gif_of_a_fit_ends_in_the_result(tmp_path: Path, capsys: pytest.CaptureF
 
 def rendered_result() -> np.ndarray:
     """The result seen as at the end of a film."""
-    from resfit.viewer.film import _stand_back
+    from resfit.viewer.film import stand_back
     from resfit.viewer.scene import Scene
     from resfit.viewer.screenshot import grab
     from resfit.viewer.stage import make_plotter
 
     plotter = make_plotter(SIZE, off_screen=True)
     try:
-        _stand_back(Scene(plotter, EditSession([small_fit().assembly]), camera=OrbitCamera(), device="cpu"))
+        stand_back(Scene(plotter, EditSession([small_fit().assembly]), camera=OrbitCamera(), device="cpu"))
         return grab(plotter)
     finally:
         plotter.close()

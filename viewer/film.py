@@ -164,7 +164,7 @@ def fit_pictures(
     """
     scene = StepScene(plotter, frames[-1].assembly, comparison, view, camera, device)
     eye, width, height = scene.scene.camera, *plotter.window_size
-    _stand_back(scene.scene)
+    stand_back(scene.scene)
     panel, azimuth, take = Panel(plotter, PANEL_LAYER), eye.azimuth, _lens(plotter)
 
     def draw(k: int) -> np.ndarray:
@@ -197,7 +197,7 @@ def frame_at(frames: Sequence[Frame], share: float) -> Frame:
 
 def turntable_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
     """Once around; after the last picture comes the first again."""
-    _stand_back(scene)
+    stand_back(scene)
     azimuth, take = scene.camera.azimuth, _lens(scene.plotter)
 
     def draw(k: int) -> np.ndarray:
@@ -244,7 +244,7 @@ def _lens(plotter: Plotter) -> Callable[[], np.ndarray]:
     return take
 
 
-def _stand_back(scene: Scene) -> None:
+def stand_back(scene: Scene) -> None:
     """See everything from every side at once: frame the smallest upright cylinder around it."""
     points, camera = scene.points(), scene.camera
     upright = 1 if camera.up == "y" else 2
