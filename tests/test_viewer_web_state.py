@@ -119,7 +119,7 @@ def test_pictures_follow_the_page(controller: Controller) -> None:
 
 def test_mouse_and_keys(controller: Controller) -> None:
     picture = Picture(controller.scene)
-    pointer = Pointer(controller, picture, lambda action: action())
+    pointer = Pointer(controller, picture, lambda action, slot="": action())
     camera = controller.scene.camera
     start = camera.azimuth, camera.distance
     pointer.handle({"type": "LeftButtonPress", "x": 10, "y": 10})
@@ -159,3 +159,36 @@ def test_page_in_a_notebook() -> None:
     assert markup.startswith("<iframe") and address.startswith("http://127.0.0.1:")
     assert address.partition("token=")[2] in markup and "300px" in markup
     assert content == three().to_json()
+
+
+@pytest.mark.slow
+def test_history_is_looked_at_without_editing() -> None:
+    need_drawing()
+    from playback_fits import small_fit
+
+    from resfit.viewer.scene import Scene
+    from resfit.viewer.stage import make_plotter
+    from resfit.viewer.web.steps import Steps
+
+    documents = open_documents([small_fit().folder])
+    plotter = make_plotter(SIZE, off_screen=True)
+    scene = Scene(plotter, EditSession([documents[0].assembly]))
+    controller = Controller(scene, documents)
+    before = controller.session.state
+    steps = Steps(controller)
+    assert steps.there and steps.state()["step"] is None
+    steps.go(3)
+    assert controller.message.startswith("Round 1 of")
+    assert scene.session is not controller.session and controller.session.state is before
+    steps.go(10_000)
+    assert steps.at == steps.state()["last_step"] > 3
+    assert scene.session.state.assemblies[0] == documents[0].assembly
+    steps.leave()
+    assert scene.session is controller.session and controller.session.state is before and steps.at is None
+    plotter.close()
+
+
+def test_no_history(controller: Controller) -> None:
+    from resfit.viewer.web.steps import Steps
+
+    assert not Steps(controller).there

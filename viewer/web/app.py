@@ -18,8 +18,9 @@ from resfit.errors import InputError, ResfitError
 from ..controller import Controller
 from ..edits import PartRef
 from .picture import Picture
-from .pointer import Pointer
+from .pointer import LOOK, Pointer
 from .state import is_offered, page_state, save_folder, save_name, save_path
+from .steps import Steps
 
 AREA = "resfit_picture"
 """Name of the picture on the page."""
@@ -29,6 +30,9 @@ GATHER = 0.008
 
 STILL = 0.4
 """Seconds of rest after which the picture is drawn finely."""
+
+STEP, SIZE = "step", "size"
+"""Slots of what goes through the history of the fit, and of the picture's size."""
 
 Action = Callable[[], Any]
 
@@ -50,6 +54,7 @@ class App:
         self.server = server
         self.picture = Picture(controller.scene)
         self.pointer = Pointer(controller, self.picture, self.post)
+        self.steps = Steps(controller)
         self._streamer: Any = None
         self._waiting: list[tuple[str, Action]] = []
         self._wake = asyncio.Event()
@@ -58,14 +63,17 @@ class App:
         self._revision = 0
         server.state.update({"save_name": save_name(controller), "save_dialog": False, "resting": False})
         self._tell()
-        for name in ("run", "select", "hide", "only", "slide", "type", "rename", "add", "save"):
+        for name in ("run", "select", "hide", "only", "slide", "type", "rename", "add", "save", "step"):
             server.controller.trigger(name)(getattr(self, f"on_{name}"))
         server.controller.trigger("text")(self.text)
 
     # Rounds
 
     def post(self, action: Action, slot: str = "") -> None:
-        """Do something in the next round; of many with the same `slot` one after the other, only the last."""
+        """Do something in the next round; of many with the same `slot` one after the other, only the last.
+
+        Whatever has another slot than LOOK, STEP or SIZE ends a look at the fit's history.
+        """
         if slot and self._waiting and self._waiting[-1][0] == slot:
             self._waiting.pop()
         self._waiting.append((slot, action))
@@ -93,8 +101,10 @@ class App:
 
     def _act(self) -> None:
         waiting, self._waiting = self._waiting, []
-        for _, action in waiting:
+        for slot, action in waiting:
             try:
+                if slot not in (LOOK, STEP, SIZE):
+                    self.steps.leave()
                 action()
             except ResfitError as error:
                 self.controller.message = str(error)
@@ -127,6 +137,7 @@ class App:
         with self.server.state as state:
             self._revision += 1
             state.update(page_state(self.controller, self._revision, self._live))
+            state.update(self.steps.state())
 
     # What trame's picture asks for
 
@@ -141,7 +152,7 @@ class App:
         except (TypeError, ValueError):
             return
         if width > 1 and height > 1:
-            self.post(lambda: self._resize(width, height, ratio))
+            self.post(lambda: self._resize(width, height, ratio), SIZE)
 
     def on_interaction(self, _: str, event: dict[str, Any]) -> None:
         """Something happened on the picture."""
@@ -149,7 +160,7 @@ class App:
 
     def reset(self) -> None:
         """The picture is wanted again."""
-        self.post(lambda: None)
+        self.post(lambda: None, LOOK)
 
     def _resize(self, width: float, height: float, ratio: float) -> None:
         if self.picture.resize(width, height, ratio):
@@ -206,6 +217,10 @@ class App:
         selected = self.controller.session.selected
         if selected is not None and text != selected.name:
             self._edit(lambda: self.controller.session.rename(selected, str(text)))
+
+    def on_step(self, at: int | None) -> None:
+        """A step of the fit's history is to be shown, or what is edited again."""
+        self.post(self.steps.leave if at is None else lambda: self.steps.go(int(at)), STEP)
 
     def on_add(self, family: str) -> None:
         """A primitive is to be added."""

@@ -61,7 +61,18 @@ def _switches() -> None:
     with html.Div(classes="below"):
         with html.Div(classes="rows", v_if="view_rows.length"):
             _slider_row("row in view_rows")
+        with html.Label(classes="rows row", v_if="step !== null", title="steps of the fit"):
+            html.Span("step {{ step + 1 }}")
+            html.Input(
+                type="range", min=0, max=("last_step",), step=1, value=("step",), raw_attrs=["data-steps"],
+                input="step = Number($event.target.value); trigger('step', [step])",
+            )  # fmt: skip
+            html.Small("of {{ last_step + 1 }}")
         with html.Div(classes="chips"):
+            html.Button(
+                "history", type="button", classes="chip", title="how the fit came about", v_if="has_steps",
+                raw_attrs=[':aria-pressed="step !== null"'], click="trigger('step', [step === null ? 0 : null])",
+            )  # fmt: skip
             html.Button(
                 "{{ toggle.label }}",
                 v_for="toggle in toggles",

@@ -17,6 +17,9 @@ CLICK = 4.0
 WHEEL = 0.12
 """Natural logarithm of the distance's change for one notch of the wheel."""
 
+LOOK = "look"
+"""Slot of what only changes from where things are seen."""
+
 KEYS = {"Backspace": "BackSpace", "Enter": "Return"}
 """Names that browsers and the controller do not share."""
 
@@ -24,15 +27,13 @@ KEYS = {"Backspace": "BackSpace", "Enter": "Return"}
 class Pointer:
     """Turns events into movements of the camera, picks and commands."""
 
-    def __init__(
-        self, controller: Controller, picture: Picture, post: Callable[[Callable[[], Any]], None]
-    ) -> None:
+    def __init__(self, controller: Controller, picture: Picture, post: Callable[..., None]) -> None:
         """Move a controller's camera.
 
         Args:
             controller: whose.
             picture: where the events happen.
-            post: takes what is to be done before the next picture.
+            post: takes what is to be done before the next picture, and a slot as `App.post` does.
         """
         self.controller = controller
         self.picture = picture
@@ -73,7 +74,7 @@ class Pointer:
             camera.orbit(across, up)
         else:
             camera.pan(across, up, self.picture.height)
-        self.post(lambda: None)
+        self.post(lambda: None, LOOK)
 
     def _release(self, x: float, y: float) -> None:
         button, self._button = self._button, ""
@@ -81,11 +82,11 @@ class Pointer:
             scale = self.picture.scale
             self.post(lambda: self.controller.pick(x * scale, y * scale))
         else:
-            self.post(lambda: None)
+            self.post(lambda: None, LOOK)
 
     def _zoom(self, factor: float) -> None:
         self.controller.scene.camera.zoom(factor)
-        self.post(lambda: None)
+        self.post(lambda: None, LOOK)
 
     def _pinched(self, factor: float, begins: bool) -> None:
         before, self._pinch = (factor if begins else self._pinch), max(factor, 1e-3)
