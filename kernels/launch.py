@@ -14,7 +14,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -50,6 +51,8 @@ _pool: ThreadPoolExecutor | None = None
 _loaded: set[tuple[str, str]] = set()
 _locks: dict[tuple[str, str], threading.Lock] = {}
 _noticed = False
+_usage: dict[str, Usage] | None = None
+_NOT_COUNTED = nullcontext()
 compile_seconds = 0.0
 """Seconds spent in compiling or loading modules so far, added up over threads."""
 
@@ -207,7 +210,8 @@ def launch(
     def run(low: int, high: int) -> None:
         wp.launch(kernel, high - low, [low, *inputs], outputs, device=device, record_tape=False)
 
-    _run_in_parts(run, _edges(threads, seconds_per_thread, device))
+    with _counted(kernel):
+        _run_in_parts(run, _edges(threads, seconds_per_thread, device))
 
 
 def _edges(count: int, seconds_per_thread: float, device: wp.Device) -> list[int]:
@@ -224,6 +228,42 @@ def _run_in_parts(run: Callable[[int, int], None], edges: list[int]) -> None:
     run(edges[0], edges[1])
     for worker in workers:
         worker.result()
+
+
+@dataclass
+class Usage:
+    """What a kernel took."""
+
+    launches: int = 0
+    seconds: float = 0.0
+    """Wall seconds on the CPU, all parts of a launch together."""
+
+
+@contextmanager
+def profiled() -> Iterator[dict[str, Usage]]:
+    """Within, launches of all threads are counted and timed, by their kernels' names."""
+    global _usage
+    _usage = {}
+    try:
+        yield _usage
+    finally:
+        _usage = None
+
+
+@contextmanager
+def _profiling(kernel: wp.Kernel, usage: dict[str, Usage]) -> Iterator[None]:
+    begin = time.perf_counter()
+    yield
+    seconds = time.perf_counter() - begin
+    with _start_lock:
+        found = usage.setdefault(kernel.key.rsplit("__", 1)[-1], Usage())
+        found.launches += 1
+        found.seconds += seconds
+
+
+def _counted(kernel: wp.Kernel) -> AbstractContextManager[None]:
+    """Counts a launch where launches are profiled."""
+    return _NOT_COUNTED if _usage is None else _profiling(kernel, _usage)
 
 
 @contextmanager
@@ -264,7 +304,8 @@ class _RecordedLaunch:
                     self._part(number).set_dim(high - low)
                     self._part(number).set_param_at_index(0, low)
         if self.edges[-1] > 0:
-            _run_in_parts(self._launch, self.edges)
+            with _counted(self.kernel):
+                _run_in_parts(self._launch, self.edges)
 
     def _part(self, number: int) -> wp.Launch:
         if number not in self.parts:

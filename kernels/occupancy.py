@@ -16,9 +16,11 @@ from .replay import Replay
 
 wp.set_module_options(VECTOR_OPTIONS)
 
+WORD = 32
+"""Candidates a word has a bit each for."""
 GROUP = 64
 """Candidates a thread counts for."""
-GROUP_C = wp.constant(GROUP)
+WORD_C, GROUP_C, WORDS_C = wp.constant(WORD), wp.constant(GROUP), wp.constant(GROUP // WORD)
 
 SUMS = 5
 """Numbers of a removal: weights by kind, then points held twice."""
@@ -28,7 +30,7 @@ SUMS_C = wp.constant(SUMS)
 @wp.kernel
 def add_point_weights_kernel(
     first: int,
-    bits: wp.array[wp.uint8],
+    bits: wp.array[wp.uint32],
     points: wp.array[int],
     weights: wp.array[float],
     task_first: wp.array[int],
@@ -38,20 +40,23 @@ def add_point_weights_kernel(
 ):
     """Add one task's weighted points to its sums of one group of candidates, in the order of the list.
 
-    `size` is the number of groups in use, and the bytes of a row of `bits`.
+    `size` is the number of groups in use, and the words of a row of `bits`.
     """
     t = first + wp.tid()
     group_count = size[0]
     task = t / group_count
-    base = (t - task * group_count) * GROUP_C
-    store = task * group_count * GROUP_C + base
+    group = t - task * group_count
+    store = t * GROUP_C
     for j in range(GROUP_C):
         out_sums[store + j] = 0.0
     for i in range(task_first[task], task_first[task + 1]):
         weight = weights[i]
-        at = points[i] * size[1] + base
-        for j in range(GROUP_C):
-            out_sums[store + j] += weight * float(bits[at + j])
+        at = points[i] * size[1] + group * WORDS_C
+        for word in range(WORDS_C):
+            held = bits[at + word]
+            for j in range(WORD_C):
+                held_by_j = float(int((held >> wp.uint32(j)) & wp.uint32(1)))
+                out_sums[store + word * WORD_C + j] += weight * held_by_j
 
 
 @wp.kernel
@@ -130,7 +135,10 @@ class Holdings:
     def truncate(self, count: int) -> None:
         """Forget all candidates but the first `count`."""
         if self.packed is not None:
-            self.packed.host.reshape(self.point_count, -1)[:, count : self.count] = 0
+            words, rest = self._words(), count % WORD
+            words[:, -(-count // WORD) :] = 0
+            if rest:
+                words[:, count // WORD] &= np.uint32((1 << rest) - 1)
             self.packed.upload()
         del self.lists[count:]
         self.sizes = self.sizes[:count]
@@ -157,8 +165,7 @@ class Holdings:
         needed = sum(len(points) for points, _ in tasks), len(tasks), groups
         if self.scratch is None or not self.scratch.fits(packed, needed):
             self.scratch = _WeighScratch(packed, needed, self.device)
-        stride = packed.host.size // self.point_count
-        return self.scratch.weigh(tasks, groups, stride)[: self.count]
+        return self.scratch.weigh(tasks, groups, self._words().shape[1])[: self.count]
 
     def _bits(self) -> np.ndarray:
         bits = np.zeros((self.count, self.point_count), bool)
@@ -166,20 +173,24 @@ class Holdings:
             row[places] = True
         return bits
 
+    def _words(self) -> np.ndarray:
+        """The packed bits, a row of words a point."""
+        assert self.packed is not None
+        return self.packed.host.reshape(self.point_count, -1)
+
     def _pack(self, begin: int, bits: np.ndarray) -> None:
-        """Write candidates from `begin` on, point-major: the points of one candidate are whole rows."""
+        """Write candidates from `begin` on, a row of bits a point: what holds a point is read at once."""
         end = begin + len(bits)
-        stride = 0 if self.packed is None else self.packed.host.size // self.point_count
-        if self.packed is None or end > stride:
-            wider = Buffer(
-                self.point_count * GROUP * max(1, -(-(end + end // 2) // GROUP)), np.uint8, self.device
-            )
-            if self.packed is not None and stride:
-                wider.host.reshape(self.point_count, -1)[:, :begin] = self.packed.host.reshape(
-                    self.point_count, -1
-                )[:, :begin]
+        if self.packed is None or end > WORD * self._words().shape[1]:
+            groups = max(1, -(-(end + end // 2) // GROUP))
+            wider = Buffer(self.point_count * groups * (GROUP // WORD), np.uint32, self.device)
+            if self.packed is not None:
+                before = self._words()
+                wider.host.reshape(self.point_count, -1)[:, : before.shape[1]] = before
             self.packed = wider
-        self.packed.host.reshape(self.point_count, -1)[:, begin:end] = bits.T
+        words = self._words()
+        for index, held in enumerate(bits, begin):
+            words[:, index // WORD] |= held.astype(np.uint32) << np.uint32(index % WORD)
         self.packed.upload()
 
 

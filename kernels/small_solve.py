@@ -16,7 +16,7 @@ SYSTEM = UNKNOWNS + 1
 """Columns of a system: those of the unknowns, then the residual."""
 RESIDUAL = UNKNOWNS
 """Column of the residual."""
-SYSTEM_C, RESIDUAL_C = wp.constant(SYSTEM), wp.constant(RESIDUAL)
+SYSTEM_C, RESIDUAL_C, UNKNOWNS_C = wp.constant(SYSTEM), wp.constant(RESIDUAL), wp.constant(UNKNOWNS)
 FIRST_SHAPE, BLEND_UNKNOWN = wp.constant(TANGENT - SHAPE), wp.constant(TANGENT)
 
 Matrix = wp.types.matrix(shape=(UNKNOWNS, UNKNOWNS), dtype=wp.float64)
@@ -98,7 +98,7 @@ def damped_step(
             a[i, j] = wp.float64(systems[system + i * SYSTEM_C + j]) * (one - held[i]) * (one - held[j])
         mean += a[i, i]
     # Directions that the points do not see stay finite; those that are held get a pivot of the system's own size.
-    scale = mean / wp.float64(count) + wp.float64(1.0e-12)
+    scale = mean / wp.float64(UNKNOWNS_C) + wp.float64(1.0e-12)
     damp = wp.float64(damping)
     least_pivot = (wp.float64(1.0e-4) * damp + wp.float64(1.0e-7)) * scale
     for i in range(count):

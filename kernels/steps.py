@@ -256,10 +256,12 @@ def advance(state: StepState, trial: PrimitiveSet, most_blend: float = 0.0) -> N
         trial: what was just evaluated; its rows become the next trial's.
         most_blend: largest blend radius that is tried; 0 leaves the blends as they are.
     """
+    # The blend is the last unknown: where it stays, there is one less.
+    unknowns = UNKNOWNS if most_blend > 0.0 else UNKNOWNS - 1
     launch(
         advance_kernel,
         len(trial),
-        [state.kept, state.damping, state.low, state.high, state.trial_systems, float(most_blend), UNKNOWNS],
+        [state.kept, state.damping, state.low, state.high, state.trial_systems, float(most_blend), unknowns],
         [state.rows, state.systems, trial.rows],
         state.rows.device,
         seconds_per_thread=3e-6,

@@ -323,6 +323,8 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
         0. Bounds are shown, not enforced: a machine may simply be slower.
     """
     # It measures with what is here.
+    from .fit_kernels import measure_shares, shares_table
+    from .scaling import measure_peak, measure_scaling, scaling_table
     from .workload import measure_steps, say_row, workload_table
 
     chosen = launching.choose_device(device)
@@ -335,7 +337,12 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
                 f"{rows[-1].name}: {rows[-1].ns_per_evaluation:.2f} ns, {rows[-1].milliseconds:.3f} ms\n"
             )
     published = measure_steps(chosen, on_row=None if as_json else say_row)
-    page = markdown_table(rows, machine) + workload_table(published)
+    peak = measure_peak(
+        chosen, next(row.ns_per_evaluation for row in rows if row.name == "superfrustum_forward")
+    )
+    growth, shares = measure_scaling(chosen), measure_shares(chosen)
+    page = markdown_table(rows, machine) + shares_table(shares) + scaling_table(growth, peak)
+    page += workload_table(published)
     if markdown is not None:
         markdown.write_text(page)
     if as_json:
@@ -344,6 +351,9 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
             "machine": machine,
             "compile_seconds": round(launching.compile_seconds, 2),
             "rows": [asdict(row) for row in rows],
+            "fit": [asdict(row) for row in shares],
+            "growth": [asdict(row) for row in growth],
+            "peak": asdict(peak) | {"share": peak.share},
             "published_workload": [asdict(row) for row in published],
         }
         sys.stdout.write(json.dumps(document, indent=1) + "\n")
