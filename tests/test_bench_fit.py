@@ -16,7 +16,9 @@ from resfit.cli import main
 from resfit.errors import InputError
 from resfit.eval.bench import growth, workload
 from resfit.eval.bench.fit import FitRow, begins, markdown_page, stage_seconds
+from resfit.eval.bench.fit_kernels import measure_shares, shares_table
 from resfit.eval.bench.growth import FEW, apart_parts, chart, exponent, growth_tables, read_sizes, wavy_torus
+from resfit.eval.bench.scaling import measure_peak, measure_scaling, scaling_table
 
 LOG = """{"event": "start", "elapsed_s": 0.0, "mesh": "a.stl"}
 {"event": "progress", "elapsed_s": 1.0, "stage": "load"}
@@ -153,3 +155,29 @@ def test_the_published_workload_is_measured(device: wp.Device) -> None:
     )
     copies = workload.primitive_set(2, 3, device)
     assert len(copies) == 6 and len(workload.primitive_set(2, 1, device)) == 2
+
+
+def test_kernels_of_a_fit_are_counted(device):
+    """Launches, recorded ones too, are counted by kernel; shares add up to all."""
+    rows = measure_shares(device, "fast")
+    assert sum(row.share for row in rows) == pytest.approx(1.0)
+    found = {row.kernel: row for row in rows}
+    assert found["sum_normal_equations_kernel"].launches > 50
+    assert all(row.share >= 0.01 for row in rows[:-1]) and rows[-1].kernel.endswith("others")
+    assert "| sum_normal_equations_kernel |" in shares_table(rows)
+
+
+def test_growth_of_the_union_and_the_peak(device):
+    """Culling pays for many small primitives; the peak is above what the field comes to."""
+    rows = measure_scaling(device, counts=(2, 64), sizes=(1000, 20_000))
+    assert [(row.points, row.primitives) for row in rows] == [
+        (1000, 2),
+        (1000, 64),
+        (20_000, 2),
+        (20_000, 64),
+    ]
+    assert all(row.culled_one_core_ms > 0 for row in rows)
+    peak = measure_peak(device, 3.0)
+    assert 0.0 < peak.share < 1.5
+    text = scaling_table(rows, peak)
+    assert "| 20,000 culled |" in text and "K = 64" in text

@@ -20,7 +20,7 @@ from .. import compare
 from ..child import ChildRun, run_measured
 from ..datasets import Shape, find_shapes
 from ..results import find_meshes
-from .kernels import cpu_model
+from .kernels import cores, cpu_model
 
 STAGES = {
     "start": "the interpreter, imports, start of Warp",
@@ -42,8 +42,8 @@ STAGES = {
     "tolerance": "distances between the surfaces, where a tolerance is wanted",
     "curve": "the trade-off",
     "metrics": "measuring the result",
-    "export": "parts.glb",
     "preview": "preview.png",
+    "export": "parts.glb and viewer.html, as far as they take longer than the preview, beside which they are made",
     "write": "the other files",
     "exit": "the end of the process",
     "other": "what no stage claims, such as targets of single parts",
@@ -86,6 +86,8 @@ class FitRow:
     """Wall seconds of loading kernels from the cache, contained in the stages in which they are first needed."""
     stages: Mapping[str, float] = field(default_factory=dict)
     """Wall seconds by stage, in the order of STAGES; they add up to the wall time of a run."""
+    one_core_s: float = 0.0
+    """Wall seconds on one core, 0 unless measured."""
 
 
 def fit_once(mesh: Path, options: Mapping[str, Any], timeout: float | None = None) -> FitRow:
@@ -223,15 +225,16 @@ def markdown_page(rows: Sequence[FitRow], preset: str, machine: str, compiled: f
         lines.append(f"Compiling all kernels, once on a machine: {compiled:.1f} s more.")
     lines += [
         "",
-        "| mesh | faces | primitives | IoU | wall s | CPU s | peak MB | loading kernels s |",
-        "|---|---|---|---|---|---|---|---|",
+        "| mesh | faces | primitives | IoU | wall s | one core s | CPU s | peak MB | loading kernels s |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         figures = (
-            f"{row.faces} | {row.primitives} | {row.iou:.3f} | {row.wall_s:.2f} | {row.cpu_s:.2f}"
+            f"{row.faces} | {row.primitives} | {row.iou:.3f} | {row.wall_s:.2f}"
+            f" | {f'{row.one_core_s:.2f}' if row.one_core_s else ''} | {row.cpu_s:.2f}"
             f" | {row.peak_mb:.0f} | {row.load_kernels_s:.2f}"
         )
-        lines.append(f"| {row.name} | {figures if row.status == 'ok' else row.status + ' |' * 6} |")
+        lines.append(f"| {row.name} | {figures if row.status == 'ok' else row.status + ' |' * 7} |")
     return "\n".join([*lines, *stage_lines(done)]) + "\n"
 
 
@@ -250,7 +253,13 @@ def stage_lines(rows: Sequence[FitRow]) -> list[str]:
                 f" | {share:.1%} |"
             )
     walls = [row.wall_s for row in rows]
-    return [*lines, f"| all | | {statistics.median(walls):.3f} | {max(walls):.3f} | |"]
+    ratios = [row.one_core_s / row.wall_s for row in rows if row.one_core_s]
+    lines.append(f"| all | | {statistics.median(walls):.3f} | {max(walls):.3f} | |")
+    mean, late = statistics.fmean(walls), sorted(walls)[max(0, -(-95 * len(walls) // 100) - 1)]
+    lines += ["", f"Wall time of a whole command: {mean:.2f} s in the mean, 95 % within {late:.2f} s."]
+    if ratios:
+        lines.append(f"All cores are {statistics.median(ratios):.2f} times as fast as one (median).")
+    return lines
 
 
 def run_fit_bench(
@@ -261,6 +270,7 @@ def run_fit_bench(
     device: str = "auto",
     timeout: float | None = None,
     cold: bool = False,
+    one_core: bool = False,
     sizes: Mapping[str, Sequence[int]] | None = None,
     as_json: bool = False,
     markdown: Path | None = None,
@@ -274,6 +284,7 @@ def run_fit_bench(
         device: of the fits.
         timeout: seconds a run.
         cold: also measure compiling the kernels into an empty cache.
+        one_core: also measure every fit on one core, for the speed-up of all.
         sizes: what to let grow, and to which sizes, see `growth`; None for nothing.
         as_json: JSON in place of the tables.
         markdown: also write the page here, and the chart of the growth beside it.
@@ -290,7 +301,11 @@ def run_fit_bench(
         shapes = find_shapes(meshes) or [Shape(path, path.stem) for path in find_meshes([Path(bundled)])]
         rows = []
         for shape in shapes:
-            rows.append(replace(measure_fit(shape.path, options, repeats, timeout), name=shape.name))
+            row = replace(measure_fit(shape.path, options, repeats, timeout), name=shape.name)
+            if one_core and row.status == "ok":
+                with cores(1):
+                    row = replace(row, one_core_s=measure_fit(shape.path, options, repeats, timeout).wall_s)
+            rows.append(row)
             say_row(rows[-1])
     grown = {} if sizes is None else measure_growth(sizes, options, repeats, timeout, say_row)
     page = markdown_page(rows, preset, cpu_model(), compiled)

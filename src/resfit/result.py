@@ -109,10 +109,11 @@ class FitResult:
         with filling(folder) as temporary:
             with ThreadPoolExecutor(1) as pool:
                 # On its own share of the cores: none of it needs what the other does.
-                files = pool.submit(self._write_files, temporary, timings)
+                files = pool.submit(self._write_files, temporary)
                 with on_cores(core_count() - core_count() // 2), timed(timings, "preview"):
                     (temporary / "preview.png").write_bytes(png_bytes(self.preview()))
-                files.result()
+                with timed(timings, "parts"):
+                    files.result()
             metrics = self.metrics | {
                 "cpu_s": self.metrics["cpu_s"] + clock.cpu_s,
                 "wall_s": self.metrics["wall_s"] + clock.wall_s,
@@ -122,15 +123,14 @@ class FitResult:
             write_bytes(temporary / REPORT, f"{text}\n".encode())
         return folder
 
-    def _write_files(self, folder: Path, timings: dict[str, float]) -> None:
+    def _write_files(self, folder: Path) -> None:
         """Everything but the picture and the report."""
         self.assembly.save(folder / "assembly.json")
         self.history.save(folder / "history.npz")
         if self.curve is not None:
             self.curve.save(folder)
-        with on_cores(core_count() // 2), timed(timings, "parts"):
+        with on_cores(core_count() // 2):
             export_assembly(self.assembly, folder / "parts.glb", device=self.device)
-        with timed(timings, "viewer"):
             if len(self.assembly.primitives) <= MAX_PARTS:
                 self.write_page(folder / "viewer.html")
 

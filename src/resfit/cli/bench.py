@@ -29,6 +29,7 @@ def bench(
     preset: Literal["fast", "balanced", "best"] = "balanced",
     repeats: int = 3,
     cold: Annotated[bool, Parameter(negative="")] = False,
+    one_core: Annotated[bool, Parameter(negative="")] = False,
     grow: Annotated[bool, Parameter(negative="")] = False,
     sizes: str = "",
 ) -> int:
@@ -52,6 +53,7 @@ def bench(
         preset: of fit.
         repeats: runs of each fit, whose median is shown.
         cold: of fit: also compile all kernels into an empty cache.
+        one_core: of fit: also fit on one core, for the speed-up of all.
         grow: of fit: also how the stages grow with the faces, the grid, the primitives and the samples.
         sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k"; a few sizes of
             all four unless given.
@@ -60,7 +62,16 @@ def bench(
         return ablation(meshes, output, studies, timeout, fresh, device)
     if what == "fit":
         return fits(
-            meshes, preset, repeats, device, timeout, cold, sizes if grow else None, as_json, markdown
+            meshes,
+            preset,
+            repeats,
+            device,
+            timeout,
+            cold,
+            one_core,
+            sizes if grow else None,
+            as_json,
+            markdown,
         )
     if meshes:
         raise InputError(f"resfit bench {what} takes no meshes; only resfit bench fit and ablation do.")
@@ -91,6 +102,7 @@ def fits(
     device: str,
     timeout: float,
     cold: bool,
+    one_core: bool,
     sizes: str | None,
     as_json: bool,
     markdown: Path | None,
@@ -112,6 +124,7 @@ def fits(
             device=device,
             timeout=timeout or None,
             cold=cold,
+            one_core=one_core,
             sizes=None if sizes is None else read_sizes(sizes),
             as_json=as_json,
             markdown=markdown,
