@@ -133,8 +133,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "polish": PolishConfig(passes=1, merges=3),
     },
     "balanced": {
-        "parsimony": 2.5e-3,
-        "rounds": 20,
+        "parsimony": 2.65e-3,
+        "rounds": 25,
         "excursions": 1,
         "samples": 20_000,
         "propose": ProposeConfig(),

@@ -38,7 +38,7 @@ REACHED = (Status.TARGET_IOU, Status.TOLERANCE)
 ENDED = (Status.SATURATED, Status.ROUNDS)
 """Ends of a track after which a fit goes on."""
 
-POOR_IOU, POOR_SHARE = 0.8, 0.4
+POOR_IOU, POOR_SHARE = 0.85, 0.42
 """Below this IoU a fit goes on with primitives at this share of their price."""
 
 LOOK_AROUND = 0.1

@@ -132,7 +132,7 @@ def test_where_nothing_can_be_drawn_the_packages_are_named(
 ) -> None:
     monkeypatch.setattr(probe, "CODE", code)
     result, said = view(capsys, folder, "--screenshot", tmp_path / "a.png")
-    assert result == 2 and reason in said and "libx11-6 libegl1 libgl1" in said and "--web" in said
+    assert result == 2 and reason in said and "libx11-6 libegl1 libgl1" in said and "A.html" in said
     assert said.count("\n") == 1
 
 
@@ -150,3 +150,19 @@ def test_headless_drawing_needs_no_x_server(monkeypatch: pytest.MonkeyPatch) -> 
     assert probe.render_environment(off_screen=False) == {}
     os.environ["DISPLAY"] = ":0"
     assert probe.render_environment(off_screen=True) == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--web", "--play"), "--web and --play do not go together"),
+        (("--screenshot", "a.png", "--video", "a.gif"), "--screenshot and --video do not go together"),
+        (("--port", "8000"), "need --web"),
+        (("--host", "0.0.0.0"), "need --web"),
+    ],
+)
+def test_options_that_do_not_go_together(
+    folder: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], words: str
+) -> None:
+    code, said = view(capsys, folder, *options)
+    assert code == 2 and words in said and said.count("\n") == 1

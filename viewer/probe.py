@@ -16,7 +16,7 @@ SECONDS = 60.0
 PACKAGES = "libx11-6 libegl1 libgl1"
 """Debian's and Ubuntu's names of what VTK needs and minimal systems lack."""
 
-FIX = f"on Linux install {PACKAGES} (as Debian calls them), or use --web"
+FIX = f"on Linux install {PACKAGES} (as Debian calls them), or open the page that resfit export A.json A.html writes"
 
 OFF_SCREEN_VARIABLE, OFF_SCREEN_CLASS = "VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow"
 """Without an X server VTK's default window falls back to EGL with warnings, and without libX11 it crashes."""

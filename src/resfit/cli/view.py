@@ -10,6 +10,8 @@ from cyclopts import Parameter
 
 from resfit.errors import InputError
 
+LOCALHOST = "127.0.0.1"
+
 
 def view(
     *assemblies: Path,
@@ -25,7 +27,7 @@ def view(
     elevation: float = 22.0,
     device: str = "auto",
     web: Annotated[bool, Parameter(negative="")] = False,
-    host: str = "127.0.0.1",
+    host: str = LOCALHOST,
     port: int = 0,
     play: Annotated[bool, Parameter(negative="")] = False,
     video: Path | None = None,
@@ -61,6 +63,12 @@ def view(
         seconds: that the film takes; 10, 5 or 6 by its motion unless given.
         fps: pictures of the film a second.
     """
+    ways = {"--web": web, "--play": play, "--screenshot": screenshot is not None, "--video": video is not None}
+    asked = [name for name, given in ways.items() if given]
+    if len(asked) > 1:
+        raise InputError(f"{' and '.join(asked)} do not go together; give one of them.")
+    if not web and (host, port) != (LOCALHOST, 0):
+        raise InputError("--host and --port are of the page; they need --web.")
     from resfit.viewer.show import Request, open_page, open_window, save_screenshot
 
     request = Request(
