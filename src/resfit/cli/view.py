@@ -63,7 +63,12 @@ def view(
         seconds: that the film takes; 10, 5 or 6 by its motion unless given.
         fps: pictures of the film a second.
     """
-    ways = {"--web": web, "--play": play, "--screenshot": screenshot is not None, "--video": video is not None}
+    ways = {
+        "--web": web,
+        "--play": play,
+        "--screenshot": screenshot is not None,
+        "--video": video is not None,
+    }
     asked = [name for name, given in ways.items() if given]
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)} do not go together; give one of them.")
