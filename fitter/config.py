@@ -120,6 +120,12 @@ FAST_STAGES = (
     FitStage(sharpness=12.0, iterations=7, keep=1),
 )
 
+THOROUGH_STAGES = (
+    FitStage(sharpness=2.0, iterations=7, keep=12),
+    FitStage(sharpness=5.0, iterations=8, keep=3),
+    FitStage(sharpness=12.0, iterations=12, keep=1),
+)
+
 PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "parsimony": 2.5e-3,
@@ -144,11 +150,11 @@ PRESETS: dict[str, dict[str, Any]] = {
         "polish": PolishConfig(),
     },
     "best": {
-        "parsimony": 1e-3,
-        "rounds": 28,
-        "excursions": 2,
+        "parsimony": 8e-4,
+        "rounds": 36,
+        "excursions": 3,
         "samples": 20_000,
-        "propose": ProposeConfig(regions=96),
+        "propose": ProposeConfig(regions=96, splits=16, merges=40, stages=THOROUGH_STAGES),
         "select": SelectConfig(beam=6),
         "refine": RefineConfig(iterations=36),
         "sharpen": RefineConfig(iterations=36, betas=SHARP),
