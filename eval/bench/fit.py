@@ -58,8 +58,9 @@ import json, os, sys
 from pathlib import Path
 mesh, folder, log, options = sys.argv[1:]
 os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), 2)
+from resfit.cli import leave
 from resfit.cli.fit import run_fit
-sys.exit(run_fit(Path(mesh), Path(folder), "json", json.loads(options)))
+leave(run_fit(Path(mesh), Path(folder), "json", json.loads(options)))
 """
 """What a child does. A log of its own, because of what a child says only the last part is kept."""
 
