@@ -6,9 +6,11 @@ cores; what they found is then put together, merged and refined once more.
 
 from __future__ import annotations
 
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +42,9 @@ ENDED = (Status.SATURATED, Status.ROUNDS)
 
 POOR_IOU, POOR_SHARE = 0.85, 0.42
 """Below this IoU a fit goes on with primitives at this share of their price."""
+
+SWITCH_SECONDS = 5e-4
+"""After which a thread that holds the interpreter lock passes it on, while two tracks run."""
 
 LOOK_AROUND = 0.1
 """Seconds between looks at a track that is waited for."""
@@ -137,7 +142,7 @@ class Fit(Track):
             with on_cores(cores):
                 return second.run_track(limit, SECOND_RICH)
 
-        with ThreadPoolExecutor(1, thread_name_prefix="resfit-track") as pool:
+        with often_switching(), ThreadPoolExecutor(1, thread_name_prefix="resfit-track") as pool:
             other = pool.submit(run_second)
             try:
                 with on_cores(core_count() - cores):
@@ -217,6 +222,17 @@ class Fit(Track):
         score = self.assess(kept)
         if score.objective > self.score.objective:
             self.rows, self.score = kept, score
+
+
+@contextmanager
+def often_switching() -> Iterator[None]:
+    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def fit_target(
