@@ -13,6 +13,7 @@ from resfit.decomposition.holes import hole_parts, rings
 from resfit.decomposition.residual import find_residual
 from resfit.decomposition.sections import section_cuts, section_parts
 from resfit.fitter.config import preset_config
+from resfit.fitter.memory import CandidateMemory
 from resfit.fitter.merge import mergers
 from resfit.fitter.objective import ObjectiveSamples
 from resfit.fitter.probes import DRAWS, with_probes
@@ -135,7 +136,14 @@ def test_two_halves_of_a_box_are_merged(device: wp.Device) -> None:
     halves[:, 0] = [-0.45, 0.45]
     whole[:, SHAPES : SHAPES + 8] = [1.799, 1.079, 0.719, 0.0, 0.0, 1.0, 0.0, -1.0]
     bench = Workbench(target, config, device, start_rows=halves)
-    moves = mergers(halves, whole, bench, 4)
+
+    def remembering(rows: np.ndarray) -> CandidateMemory:
+        memory = CandidateMemory(bench.inside, device)
+        memory.rows = [rows]
+        memory.holdings.append(bench.inside(rows))
+        return memory
+
+    moves = mergers(halves, remembering(whole), bench, 4)
     assert len(moves) == 1 and len(moves[0]) == 1
     np.testing.assert_array_equal(moves[0][0, SHAPES : SHAPES + 8], whole[0, SHAPES : SHAPES + 8])
-    assert not mergers(whole, halves, bench, 4)
+    assert not mergers(whole, remembering(halves), bench, 4)
