@@ -1,7 +1,7 @@
 """A fixed sequence of launches that is made once and repeated: arguments are packed the first time only.
 
 On a GPU the sequence is a captured graph. On the CPU packing the arguments of a launch takes Python longer than many
-launches take to run, and holds the interpreter lock: repeating a packed one costs a tenth of it.
+launches take to run, and holds the interpreter lock.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ import warp as wp
 from ...kernels import launch as launching
 from ...kernels.adjoint import differentiable_assembly, differentiable_union
 from ...kernels.culling import cull, every_primitive
+from ...kernels.curve import curve_codes
 from ...kernels.distance_grid import signed_distance_transform
 from ...kernels.field import cell_centres, primitives_at, union_at
 from ...kernels.gradient import union_gradient_at
@@ -31,7 +32,7 @@ from ...kernels.mesh_grid import signed_distance_grid
 from ...kernels.mesh_query import MeshQuery
 from ...kernels.normal_equations import SYSTEM, normal_equations_at
 from ...kernels.owned_points import owned_points
-from ...kernels.points import grid_blocks, point_blocks
+from ...kernels.points import PointBlocks, grid_blocks, point_blocks
 from ...kernels.primitive_set import PrimitiveSet
 from ...kernels.primitives import FAMILIES
 from ...kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
@@ -88,9 +89,17 @@ def scene_rows(family: str, count: int = PRIMITIVES, seed: int = 0) -> np.ndarra
     return rows
 
 
+def scene_points(count: int, device: wp.Device, order: str = "curve") -> PointBlocks:
+    """Random points of the cube: along the space-filling curve, as a fit keeps its own, or in `random` order."""
+    points = np.random.default_rng(1).uniform(-1, 1, (count, 3))
+    if order == "curve":
+        points = points[np.argsort(curve_codes(points), kind="stable")]
+    return point_blocks(points, device)
+
+
 def family_workloads(device: wp.Device) -> Iterator[Workload]:
     """Each family forward, and backward: all derivatives at every point, weighted and summed."""
-    points = point_blocks(np.random.default_rng(1).uniform(-1, 1, (POINTS, 3)), device)
+    points = scene_points(POINTS, device, "random")
     scene = f"{PRIMITIVES} primitives x {POINTS} points"
     values = wp.empty(PRIMITIVES * POINTS, dtype=float, device=device)
     ones = wp.ones(PRIMITIVES * POINTS, dtype=float, device=device)
@@ -121,7 +130,7 @@ def union_workloads(device: wp.Device) -> Iterator[Workload]:
     """The smooth union of 24 SuperFrusta in its forms; an evaluation is a point."""
     families = ["superfrustum"] * PRIMITIVES
     primitives = PrimitiveSet(scene_rows("superfrustum"), families, device, requires_grad=True)
-    points = point_blocks(np.random.default_rng(1).uniform(-1, 1, (POINTS, 3)), device)
+    points = scene_points(POINTS, device, "random")
     lists = every_primitive(primitives, points)
     field = wp.empty(POINTS, dtype=float, device=device)
     scene = f"{PRIMITIVES} primitives, {POINTS} points"

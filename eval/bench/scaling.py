@@ -12,13 +12,12 @@ import numpy as np
 import warp as wp
 
 from ...kernels.culling import cull
-from ...kernels.curve import curve_codes
 from ...kernels.field import primitives_at, union_at
 from ...kernels.peak import OPERATIONS, multiply_add
-from ...kernels.points import PointBlocks, point_blocks
+from ...kernels.points import PointBlocks
 from ...kernels.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, SHAPES
-from .kernels import Workload, measure, scene_rows
+from .kernels import Workload, measure, scene_points, scene_rows
 
 COUNTS = (2, 8, 32, 64, 128, 256)
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
@@ -61,12 +60,6 @@ class PeakRow:
         return self.operations / self.ns / self.peak_gflops
 
 
-def sorted_points(count: int, device: wp.Device) -> PointBlocks:
-    """Random points of the cube along the space-filling curve, as a fit keeps its own."""
-    points = np.random.default_rng(1).uniform(-1, 1, (count, 3)).astype(np.float32)
-    return point_blocks(points[np.argsort(curve_codes(points), kind="stable")], device)
-
-
 def small_primitives(count: int, device: wp.Device) -> PrimitiveSet:
     """`count` SuperFrusta that fill about the same volume whatever their number."""
     rows = scene_rows("superfrustum", count)
@@ -100,7 +93,7 @@ def measure_scaling(
 
 def _rows(device: wp.Device, counts: Sequence[int], sizes: Sequence[int]) -> Iterator[ScalingRow]:
     for size in sizes:
-        points = sorted_points(size, device)
+        points = scene_points(size, device)
         for count in counts:
             primitives = small_primitives(count, device)
             culled = measure(Workload("culled", "", count * size, culled_work(primitives, points)), device)

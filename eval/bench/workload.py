@@ -14,16 +14,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import warp as wp
 
 from ...fitter.sweep_axis import turned_copies
 from ...kernels.adjoint import differentiable_union
-from ...kernels.curve import curve_codes
-from ...kernels.points import point_blocks
 from ...kernels.primitive_set import PrimitiveSet
 from ...kernels.rows import ROW
-from .kernels import Workload, measure, scene_rows
+from .kernels import Workload, measure, scene_points, scene_rows
 
 POINTS = 200_000
 COUNTS = (2, 4, 8, 16, 32, 64)
@@ -67,10 +64,7 @@ def steps(
 ) -> dict[str, Callable[[], None]]:
     """What each step does, by its name; tables are derived from the parameters in every forward step, as in a fit."""
     primitives = primitive_set(count, axes, device)
-    places = np.random.default_rng(1).uniform(-1, 1, (points, 3))
-    if order == "curve":
-        places = places[np.argsort(curve_codes(places), kind="stable")]
-    blocks = point_blocks(places, device)
+    blocks = scene_points(points, device, order)
     ones = wp.ones(blocks.x.shape[0], dtype=float, device=device)
 
     def forward() -> tuple[wp.Tape, wp.array]:

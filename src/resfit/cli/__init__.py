@@ -94,8 +94,8 @@ def command() -> NoReturn:
 def leave(code: int) -> NoReturn:
     """End the process without taking it down piece by piece.
 
-    Warp would unload its kernels one module after the other: half a second for nothing, since memory and files go with
-    the process anyway.
+    Warp would unload its kernels one module after the other, for which people would wait: memory goes with the process
+    anyway.
     """
     for stream in (sys.stdout, sys.stderr):
         # Who reads our output may have gone.
