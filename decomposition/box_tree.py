@@ -6,12 +6,10 @@ every size, from halves down to blocks, for selection to choose among.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from .coarse import WorkingGrid
-from .region import Region, label_components, true_box
+from .region import Region
 
 LEAST_GAIN = 0.06
 """Share of its box that a cut has to save."""
@@ -28,44 +26,59 @@ MOST_PIECES = 40
 
 def box_tree_parts(grid: WorkingGrid) -> list[Region]:
     """Pieces at all levels of the tree but the whole, with source "block"."""
-    solid = grid.depth > 0.0
-    smallest = max(1, int(SMALLEST_SHARE * np.count_nonzero(solid)))
-    box = true_box(solid)
-    if box is None:
-        return []
-    waiting = [(solid[box], np.array([edge.start for edge in box]))]
+    cells = grid.cells
+    smallest = max(1, int(SMALLEST_SHARE * len(cells)))
+    slab = np.zeros(len(cells), np.int32)
+    slabs = 1
+    waiting = [cells.all_places()]
     regions: list[Region] = []
     while waiting and len(regions) < MOST_PIECES:
-        waiting.sort(key=lambda entry: -np.count_nonzero(entry[0]))
-        mask, corner = waiting.pop(0)
-        cuts = best_cuts(mask)
+        waiting.sort(key=lambda piece: -len(piece))
+        mother = waiting.pop(0)
+        index = cells.index[:, mother]
+        lower = index.min(axis=1)
+        cuts = best_cuts(index - lower[:, None])
         if cuts is None:
             continue
         axis, places = cuts
-        for begin, end in pairwise([0, *places, mask.shape[axis]]):
-            for piece, at in _pieces(mask, axis, begin, end, smallest):
-                full = np.zeros(solid.shape, bool)
-                where = corner + at
-                full[tuple(slice(a, a + n) for a, n in zip(where, piece.shape, strict=True))] = piece
-                region = grid.region(full, "block")
+        slab[mother] = slabs + np.searchsorted(places, index[axis] - lower[axis], side="right")
+        for number in range(slabs, slabs + len(places) + 1):
+            inside = mother[slab[mother] == number]
+            found, count = cells.components(inside, slab)
+            volumes = np.bincount(found, minlength=count)
+            for piece in np.flatnonzero(volumes >= smallest):
+                waiting.append(inside[found == piece])
+                region = grid.region(waiting[-1], "block")
                 if region is not None:
                     regions.append(region)
-                waiting.append((piece, where))
+        slabs += len(places) + 1
     return regions
 
 
-def best_cuts(mask: np.ndarray) -> tuple[int, list[int]] | None:
-    """Axis and the one or two places where cutting a tightly cropped mask (a, b, c) saves most of its box.
+def best_cuts(index: np.ndarray) -> tuple[int, list[int]] | None:
+    """Axis and the one or two places where cutting a solid saves most of its box.
 
     A frame has no place for one cut: only with both of its sides off does what is between them get a smaller box.
-    A cut c parts section c - 1 from section c. None if no cut is worth it.
+
+    Args:
+        index: (3, k) coordinates of its cells in its box.
+
+    Returns:
+        A cut c parts section c - 1 from section c. None if no cut is worth it.
     """
+    shape = index.max(axis=1) + 1
+    # [axis]: where the box seen along it holds a cell.
+    shadows = [np.zeros(np.delete(shape, axis), bool) for axis in range(3)]
+    for axis, shadow in enumerate(shadows):
+        one, two = (other for other in range(3) if other != axis)
+        shadow.reshape(-1)[index[one] * shape[two] + index[two]] = True
+    size = int(shape.prod())
     best, best_saving = None, LEAST_GAIN
     for axis in range(3):
-        count = mask.shape[axis]
+        count = int(shape[axis])
         if count < 4:
             continue
-        boxes = _range_boxes(mask, axis) / mask.size
+        boxes = _range_boxes(shadows, axis) / size
         # [i, j]: what is left of the box after cuts at i and j; i = 0 makes it one cut.
         left = boxes[0, :, None] + boxes + boxes[:, count][None, :]
         one = 1.0 - left[0, 1:count]
@@ -78,20 +91,17 @@ def best_cuts(mask: np.ndarray) -> tuple[int, list[int]] | None:
     return best
 
 
-def _range_boxes(mask: np.ndarray, axis: int) -> np.ndarray:
+def _range_boxes(shadows: list[np.ndarray], axis: int) -> np.ndarray:
     """Volumes (n + 1, n + 1) of the boxes round sections i .. j - 1 along an axis, 0 where there are none."""
-    count = mask.shape[axis]
+    # [section, place along the axis that is neither this one nor the one seen along].
+    views = [seen if axis < 3 - axis - k else seen.T for k, seen in enumerate(shadows) if k != axis]
+    count = len(views[0])
     index = np.arange(count)
     later = index[None, :] >= index[:, None]
-    held = np.moveaxis(mask, axis, 0).reshape(count, -1).any(axis=1)
+    held = views[0].any(axis=1)
     volume = np.zeros((count + 1, count + 1))
     volume[:count, 1:] = np.where(later, index[None, :] - index[:, None] + 1, 0)
-    for other in range(3):
-        if other == axis:
-            continue
-        seen = np.asarray(mask.any(axis=3 - axis - other))
-        if axis > other:
-            seen = seen.T
+    for seen in views:
         size = seen.shape[1]
         low = np.where(held, seen.argmax(axis=1), size)
         high = np.where(held, size - seen[:, ::-1].argmax(axis=1), 0)
@@ -99,23 +109,3 @@ def _range_boxes(mask: np.ndarray, axis: int) -> np.ndarray:
         highest = np.maximum.accumulate(np.where(later, high[None, :], 0), axis=1)
         volume[:count, 1:] *= np.maximum(highest - lowest, 0)
     return volume
-
-
-def _pieces(
-    mask: np.ndarray, axis: int, begin: int, end: int, smallest: int
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Components (6) of a slab of a mask, cropped, and where each begins in the mask."""
-    slab: list[slice] = [slice(None)] * 3
-    slab[axis] = slice(begin, end)
-    labels, count = label_components(mask[tuple(slab)])
-    found = []
-    for label in range(1, count + 1):
-        piece = labels == label
-        if np.count_nonzero(piece) < smallest:
-            continue
-        box = true_box(piece)
-        assert box is not None
-        at = np.array([edge.start for edge in box])
-        at[axis] += begin
-        found.append((piece[box], at))
-    return found

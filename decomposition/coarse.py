@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
 
-from .region import Region, region_from_mask, true_box
+from ..kernels.cells import CellSet
+from .region import Region, region_from_mask
 from .residual import SMALLEST_VOLUME, Residual
 
 COARSE_VOLUME = 20_000
@@ -28,19 +30,25 @@ class WorkingGrid:
     coarse: bool
     """Whether cells are twice those of the residual."""
 
-    def region(self, mask: np.ndarray, source: str) -> Region | None:
-        """The fine region of a mask (a, b, c) on this grid; None if it is too small."""
-        lower = self.residual.lower
-        if self.coarse and (box := true_box(mask)) is not None:
-            # One cell more on every side, for the fringe.
-            wide = tuple(
-                slice(max(0, edge.start - 1), min(size, edge.stop + 1))
-                for edge, size in zip(box, mask.shape, strict=True)
-            )
-            fine = tuple(slice(2 * edge.start, 2 * edge.stop) for edge in wide)
-            mask = refine_mask(mask[wide], self.depth[wide], self.residual.depth[fine] > 0.0)
-            lower = lower + np.array([edge.start for edge in fine], np.int32)
-        region = region_from_mask(mask, lower, self.residual.resolution, source)
+    @cached_property
+    def cells(self) -> CellSet:
+        """The solid cells of this grid."""
+        return CellSet(self.depth > 0.0) if self.coarse else self.residual.cells
+
+    def region(self, places: np.ndarray, source: str) -> Region | None:
+        """The fine region of some of the cells, (k,) places in `cells`; None if it is too small."""
+        if not self.coarse:
+            return self.residual.region(places, source)
+        lower, part = self.cells.crop(places)
+        # One cell more on every side, for the fringe.
+        begin = np.maximum(lower - 1, 0)
+        end = np.minimum(lower + part.shape + 1, self.depth.shape)
+        wide = tuple(slice(low, high) for low, high in zip(begin, end, strict=True))
+        fine = tuple(slice(2 * low, 2 * high) for low, high in zip(begin, end, strict=True))
+        part = np.pad(part, np.stack([lower - begin, end - lower - part.shape], axis=1))
+        mask = refine_mask(part, self.depth[wide], self.residual.depth[fine] > 0.0)
+        residual = self.residual
+        region = region_from_mask(mask, residual.lower + 2 * begin, residual.resolution, source)
         return region if region is not None and region.volume >= SMALLEST_VOLUME else None
 
 

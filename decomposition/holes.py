@@ -30,16 +30,19 @@ THIN_SHARE = 0.3
 
 def hole_parts(grid: WorkingGrid) -> list[Region]:
     """The walls around the holes of each slab's middle section, along each axis, with source "hole"."""
-    solid = grid.depth > 0.0
+    cells = grid.cells
     regions = []
     for axis in range(3):
-        turned = np.moveaxis(solid, axis, 0)
-        edges = [0, *section_cuts(turned), len(turned)]
+        one, two = (other for other in range(3) if other != axis)
+        edges = [0, *section_cuts(cells, axis), cells.shape[axis]]
         for begin, end in pairwise(edges):
-            for ring in rings(turned[(begin + end) // 2]):
-                mask = np.zeros(turned.shape, bool)
-                mask[begin:end] = turned[begin:end] & ring
-                region = grid.region(np.moveaxis(mask, 0, axis), "hole")
+            along, across = cells.index[axis], (cells.index[one], cells.index[two])
+            middle = along == (begin + end) // 2
+            section = np.zeros((cells.shape[one], cells.shape[two]), bool)
+            section[across[0][middle], across[1][middle]] = True
+            slab = np.flatnonzero((along >= begin) & (along < end))
+            for ring in rings(section):
+                region = grid.region(slab[ring[across[0][slab], across[1][slab]]], "hole")
                 if region is not None:
                     regions.append(region)
     return regions

@@ -11,10 +11,11 @@ import math
 import numpy as np
 import warp as wp
 
+from ..kernels.cells import CellSet, squared_distances
 from ..kernels.distance_grid import distance_transform
 from ..kernels.morphology import deepest_core
 from .coarse import WorkingGrid
-from .region import Region, label_components
+from .region import Region
 
 ITERATIONS = 7
 """Parts peeled off for one volume fraction, at most."""
@@ -25,6 +26,9 @@ CORNER_REACH = math.sqrt(3.0)
 OWN_DEPTH = 0.75
 """A part shallower than half a cell is a left-over of earlier parts, unless it has this share of the depth that it
 had before any was taken away: then the shape itself is that thin there."""
+
+PAIRS_PER_CELL, PAIRS_PER_TRANSFORM = 120, 3_000_000
+"""Pairs of cells whose distance takes as long to measure as a distance transform takes for a cell, and at least."""
 
 
 def decompose(
@@ -41,9 +45,10 @@ def decompose(
     Returns:
         Regions with source "msd <fraction>"; some may be equal.
     """
-    regions = []
+    cells, regions = grid.cells, []
+    depth = grid.depth[tuple(cells.index)]
     for fraction in fractions:
-        for part in peel(grid.depth, fraction, device, iterations):
+        for part in peel(cells, depth, fraction, device, iterations):
             region = grid.region(part, f"msd {fraction:g}")
             if region is not None:
                 regions.append(region)
@@ -51,101 +56,92 @@ def decompose(
 
 
 def peel(
-    depth: np.ndarray, fraction: float, device: wp.Device, iterations: int = ITERATIONS
+    cells: CellSet, depth: np.ndarray, fraction: float, device: wp.Device, iterations: int = ITERATIONS
 ) -> list[np.ndarray]:
-    """Masks (a, b, c) of the parts of a solid, thickest first; no cell is in two of them.
+    """Places (k,) in `cells` of the parts of a solid, thickest first; no cell is in two of them.
 
     Args:
-        depth: (a, b, c) float32, contiguous; depth inside the solid in cells, 0 or less outside.
+        cells: the solid.
+        depth: (m,) float32 of its cells, in cells.
         fraction: volume of a part's core as a share of the solid.
         device: where distances are measured.
         iterations: parts, at most.
     """
     left = depth.copy()
-    volume = max(1, math.ceil(fraction * np.count_nonzero(depth > 0.0)))
+    volume = max(1, math.ceil(fraction * len(cells)))
     parts: list[np.ndarray] = []
     for _ in range(iterations):
-        core = deepest_core(left, volume)
+        core = deepest_core(cells, left, volume)
         if core is None:
             break
-        part, box = grow_back(left, core.cells, core.threshold, device)
-        deepest = float(left[box][part].max())
-        if deepest > 0.5 or deepest >= OWN_DEPTH * float(depth[box][part].max()):
-            mask = np.zeros(depth.shape, bool)
-            mask[box] = part
-            parts.append(mask)
-        take_away(left, part, box, device)
+        part = grow_back(cells, left, core.places, core.threshold, device)
+        deepest = float(left[part].max())
+        if deepest > 0.5 or deepest >= OWN_DEPTH * float(depth[part].max()):
+            parts.append(part)
+        take_away(cells, left, part, device)
     return parts
 
 
 def grow_back(
-    depth: np.ndarray, core: np.ndarray, radius: float, device: wp.Device
-) -> tuple[np.ndarray, tuple[slice, slice, slice]]:
-    """Dilate a core within its solid.
+    cells: CellSet, left: np.ndarray, core: np.ndarray, radius: float, device: wp.Device
+) -> np.ndarray:
+    """Dilate a core within what is left of its solid.
 
     A ball does not reach into corners and along edges. What is left there, cut off from the rest of the solid and no
     further from the core than a box's corner would be, belongs to the part.
 
     Args:
-        depth: (a, b, c) float32, above 0 in the solid.
-        core: (m,) flat indices of its cells.
+        cells: the solid.
+        left: (m,) float32, depth of its cells, above 0 in what is left of it.
+        core: places of the core's cells.
         radius: of the dilation, in cells.
         device: where distances are measured.
 
     Returns:
-        The mask of the part on a box, and that box.
+        Places of the part's cells, ascending.
     """
-    index = np.unravel_index(core, depth.shape)
     reach = CORNER_REACH * radius + 1.5
-    box = _box_around(index, math.ceil(reach) + 1, depth.shape)
-    seed = np.zeros([edge.stop - edge.start for edge in box], bool)
-    seed[index[0] - box[0].start, index[1] - box[1].start, index[2] - box[2].start] = True
-    away = _distances(seed, device)
-    solid = depth[box] > 0.0
-    part = solid & (away <= radius + 0.5)
-    labels, count = label_components(solid & ~part)
-    if count:
-        absorbed = np.ones(count + 1, bool)
-        absorbed[labels[away > reach]] = False
-        absorbed[0] = False
-        part |= absorbed[labels]
-    return part, box
+    # A cell more than the reach, so that what goes on beyond shows that it does.
+    near, away = _distances(cells, left, core, math.ceil(reach) + 1, device)
+    held = away <= radius + 0.5
+    rest = near[~held]
+    key = np.full(len(cells), -1, np.int32)
+    key[rest] = 0
+    pieces, count = cells.components(rest, key)
+    absorbed = np.ones(count, bool)
+    absorbed[pieces[away[~held] > reach]] = False
+    held[~held] = absorbed[pieces]
+    return near[held]
 
 
-def take_away(
-    depth: np.ndarray, part: np.ndarray, box: tuple[slice, slice, slice], device: wp.Device
-) -> None:
-    """Remove a part from a solid, in place: nothing is deeper than its distance to what was removed.
+def take_away(cells: CellSet, left: np.ndarray, part: np.ndarray, device: wp.Device) -> None:
+    """Remove a part from a solid: nothing is deeper than its distance to what was removed.
 
     Args:
-        depth: (a, b, c) float32, above 0 in the solid; changed.
-        part: mask on `box`.
-        box: where in `depth`.
+        cells: the solid.
+        left: (m,) float32, depth of its cells; changed.
+        part: places of the part's cells.
         device: where distances are measured.
     """
-    margin = math.ceil(float(depth.max())) + 1
-    wide = tuple(
-        slice(max(0, edge.start - margin), min(size, edge.stop + margin))
-        for edge, size in zip(box, depth.shape, strict=True)
-    )
-    removed = np.zeros([edge.stop - edge.start for edge in wide], bool)
-    inner = tuple(
-        slice(edge.start - outer.start, edge.stop - outer.start)
-        for edge, outer in zip(box, wide, strict=True)
-    )
-    removed[inner] = part
-    depth[wide] = np.minimum(depth[wide], _distances(removed, device) - np.float32(0.5))
+    near, away = _distances(cells, left, part, math.ceil(float(left.max())) + 1, device)
+    left[near] = np.minimum(left[near], away - np.float32(0.5))
 
 
-def _box_around(
-    index: tuple[np.ndarray, ...], margin: int, shape: tuple[int, ...]
-) -> tuple[slice, slice, slice]:
-    x, y, z = (
-        slice(max(0, int(i.min()) - margin), min(size, int(i.max()) + 1 + margin))
-        for i, size in zip(index, shape, strict=True)
-    )
-    return x, y, z
-
-
-def _distances(mask: np.ndarray, device: wp.Device) -> np.ndarray:
-    return distance_transform(wp.array(mask, dtype=wp.bool, device=device)).numpy()
+def _distances(
+    cells: CellSet, left: np.ndarray, seeds: np.ndarray, margin: int, device: wp.Device
+) -> tuple[np.ndarray, np.ndarray]:
+    """The cells left in the box round the seeds with a margin, (k,) int32 places, and how far they are from a seed."""
+    target = cells.index[:, seeds]
+    low = np.maximum(target.min(axis=1) - margin, 0)
+    high = np.minimum(target.max(axis=1) + margin + 1, cells.shape)
+    held = left > 0.0
+    for axis in range(3):
+        held &= (cells.index[axis] >= low[axis]) & (cells.index[axis] < high[axis])
+    near = np.flatnonzero(held).astype(np.int32)
+    index = cells.index[:, near]
+    if len(near) * len(seeds) < PAIRS_PER_CELL * np.prod(high - low) + PAIRS_PER_TRANSFORM:
+        return near, np.sqrt(squared_distances(index, target, device))
+    mask = np.zeros(high - low, bool)
+    mask[tuple(target - low[:, None])] = True
+    away = distance_transform(wp.array(mask, dtype=wp.bool, device=device)).numpy()
+    return near, away[tuple(index - low[:, None])]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 
-from .region import Region, label_components, region_from_mask, true_box
+from ..kernels.cells import CellSet
+from .region import Region, true_box
 
 NOISE_SHELL = 1.5
 """Cells between the target's surface and the assembly's up to which what lies between them is noise. Every fitted
@@ -29,6 +30,18 @@ class Residual:
     """Cells along a side of the whole grid."""
     volume: int
     """Number of residual cells."""
+
+    @cached_property
+    def cells(self) -> CellSet:
+        """The residual cells."""
+        return CellSet(self.depth > 0.0)
+
+    def region(self, places: np.ndarray, source: str) -> Region | None:
+        """The region of some of the cells, (k,) places in `cells`; None if it is too small to be worth a primitive."""
+        if len(places) < SMALLEST_VOLUME:
+            return None
+        lower, mask = self.cells.crop(places)
+        return Region(self.lower + lower, mask, self.resolution, source)
 
 
 def find_residual(grid: np.ndarray, explained: np.ndarray | None = None) -> Residual | None:
@@ -70,16 +83,8 @@ def find_residual(grid: np.ndarray, explained: np.ndarray | None = None) -> Resi
 
 def residual_components(residual: Residual, smallest: int = SMALLEST_VOLUME, most: int = 64) -> list[Region]:
     """The connected parts (26 neighbours) of at least `smallest` cells, largest first, at most `most` of them."""
-    labels, count = label_components(residual.depth > 0.0, full=True)
-    volumes = np.bincount(labels.reshape(-1), minlength=count + 1)[1:]
-    boxes = ndimage.find_objects(labels)
-    regions = []
-    for index in np.argsort(-volumes, kind="stable")[:most]:
-        if volumes[index] < smallest:
-            break
-        box = boxes[index]
-        lower = residual.lower + np.array([edge.start for edge in box], np.int32)
-        region = region_from_mask(labels[box] == index + 1, lower, residual.resolution, "component")
-        if region is not None:
-            regions.append(region)
-    return regions
+    cells = residual.cells
+    key = np.zeros(len(cells), np.int32)
+    parts = cells.largest_components(cells.all_places(), key, smallest, most, full=True)
+    regions = [residual.region(part, "component") for part in parts]
+    return [region for region in regions if region is not None]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .cells import CellSet, find_root, on_cpu
 from .launch import PLAIN_OPTIONS, launch
 
 wp.set_module_options(PLAIN_OPTIONS)
@@ -27,63 +28,44 @@ DEEPEST_LEVEL = 32767
 class Core:
     """A connected part of the cells deeper than a threshold."""
 
-    cells: np.ndarray
-    """(m,) int32 flat indices, in order of depth, deepest first."""
+    places: np.ndarray
+    """(m,) int32, of its cells in the set, in order of depth, deepest first."""
     threshold: float
     """Depth, in cells, that all of them reach."""
 
 
-def deepest_core(depth: np.ndarray, volume: int) -> Core | None:
+def deepest_core(cells: CellSet, depth: np.ndarray, volume: int) -> Core | None:
     """The 6-connected component with at least `volume` cells whose threshold is deepest.
 
     Args:
-        depth: (a, b, c) float32, contiguous; depth inside the solid in cells, 0 or less outside.
+        cells: the solid, or more.
+        depth: (m,) float32, of each of the cells; 0 or less at those that no longer belong to the solid.
         volume: cells that the component must have, at least 1.
 
     Returns:
         The component of {depth >= threshold} for the deepest threshold (in steps of 1 / LEVELS_PER_CELL) at which one
         has `volume` cells, the largest if several have; None if none is that large at any threshold.
     """
-    flat = depth.reshape(-1)
-    cells = np.flatnonzero(flat > 0.0).astype(np.int32)
-    if len(cells) < max(1, volume):
+    places = np.flatnonzero(depth > 0.0).astype(np.int32)
+    if len(places) < max(1, volume):
         return None
-    levels = np.minimum(flat[cells] * LEVELS_PER_CELL, DEEPEST_LEVEL).astype(np.int16)
+    levels = np.minimum(depth[places] * LEVELS_PER_CELL, DEEPEST_LEVEL).astype(np.int16)
     order = np.argsort(DEEPEST_LEVEL - levels, kind="stable")
-    cells, levels = cells[order], levels[order]
-    cpu = wp.get_device("cpu")
-    parent = wp.full(flat.size, -1, dtype=int, device=cpu)
-    size = wp.empty(flat.size, dtype=int, device=cpu)
-    found = wp.zeros(2, dtype=int, device=cpu)
-    members = wp.empty(len(cells), dtype=int, device=cpu)
+    places, levels = places[order], levels[order].astype(np.int32)
+    flat, place_at, _, strides = cells.arrays
+    parent, size = np.full(len(cells), -1, np.int32), np.empty(len(cells), np.int32)
+    members, found = np.empty(len(places), np.int32), np.zeros(2, np.int32)
     launch(
         grow_core_kernel,
         1,
-        [
-            wp.array(cells, dtype=int, device=cpu, copy=False),
-            wp.array(levels.astype(np.int32), dtype=int, device=cpu, copy=False),
-            wp.vec3i(*depth.shape),
-            volume,
-            parent,
-            size,
-        ],
-        [members, found],
-        cpu,
+        [on_cpu(places), on_cpu(levels), flat, place_at, strides, volume, on_cpu(parent), on_cpu(size)],
+        [on_cpu(members), on_cpu(found)],
+        flat.device,
     )
-    count, level = found.numpy()
+    count, level = found
     if count == 0:
         return None
-    return Core(members.numpy()[:count].copy(), max(float(level), 0.5) / LEVELS_PER_CELL)
-
-
-@wp.func
-def find_root(parent: wp.array[int], cell: int) -> int:
-    """Root of a cell's tree; halves the path on the way."""
-    i = cell
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
+    return Core(members[:count].copy(), max(float(level), 0.5) / LEVELS_PER_CELL)
 
 
 @wp.func
@@ -104,9 +86,11 @@ def join(parent: wp.array[int], size: wp.array[int], a: int, b: int) -> int:
 @wp.kernel
 def grow_core_kernel(
     first: int,
-    cells: wp.array[int],
+    places: wp.array[int],
     levels: wp.array[int],
-    shape: wp.vec3i,
+    flat: wp.array[int],
+    place_at: wp.array[int],
+    strides: wp.vec3i,
     volume: int,
     parent: wp.array[int],
     size: wp.array[int],
@@ -115,32 +99,23 @@ def grow_core_kernel(
     out_found: wp.array[int],
 ):
     """Add cells level by level until a tree has `volume` cells; a single thread."""
-    plane = shape[1] * shape[2]
     best = wp.int32(-1)
     best_size = wp.int32(0)
     done = wp.int32(0)
-    for k in range(cells.shape[0]):
+    for k in range(places.shape[0]):
         if k > 0 and best_size >= volume and levels[k] != levels[k - 1]:
             break
-        cell = cells[k]
+        cell = places[k]
         parent[cell] = cell
         size[cell] = 1
-        x = cell // plane
-        y = cell // shape[2] - x * shape[1]
-        z = cell - (x * shape[1] + y) * shape[2]
         root = wp.int32(cell)
-        if x > 0 and parent[cell - plane] >= 0:
-            root = join(parent, size, root, cell - plane)
-        if x + 1 < shape[0] and parent[cell + plane] >= 0:
-            root = join(parent, size, root, cell + plane)
-        if y > 0 and parent[cell - shape[2]] >= 0:
-            root = join(parent, size, root, cell - shape[2])
-        if y + 1 < shape[1] and parent[cell + shape[2]] >= 0:
-            root = join(parent, size, root, cell + shape[2])
-        if z > 0 and parent[cell - 1] >= 0:
-            root = join(parent, size, root, cell - 1)
-        if z + 1 < shape[2] and parent[cell + 1] >= 0:
-            root = join(parent, size, root, cell + 1)
+        for axis in range(3):
+            before = place_at[flat[cell] - strides[axis]]
+            if before >= 0 and parent[before] >= 0:
+                root = join(parent, size, root, before)
+            after = place_at[flat[cell] + strides[axis]]
+            if after >= 0 and parent[after] >= 0:
+                root = join(parent, size, root, after)
         if size[root] > best_size:
             best = root
             best_size = size[root]
@@ -149,8 +124,8 @@ def grow_core_kernel(
         top = find_root(parent, best)
         count = wp.int32(0)
         for k in range(done):
-            if find_root(parent, cells[k]) == top:
-                out_members[count] = cells[k]
+            if find_root(parent, places[k]) == top:
+                out_members[count] = places[k]
                 count += 1
         out_found[0] = count
         out_found[1] = levels[done - 1]

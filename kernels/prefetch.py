@@ -13,6 +13,7 @@ import warp as wp
 
 from . import (
     cell_list,
+    cells,
     culling,
     distance_grid,
     field_scene,
@@ -45,7 +46,7 @@ Loads = list[Callable[[], wp.Module]]
 
 def modules_of_fit(family: str) -> Loads:
     """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
-    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, morphology]
+    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, cells, morphology]
     fitting = [steps, culling, occupancy, ownership, loss_points, loss_rows]
     showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
 

@@ -7,12 +7,14 @@ import pytest
 import warp as wp
 from scipy import ndimage
 
+from resfit.decomposition import msd
 from resfit.decomposition.coarse import coarsen, working_grid
 from resfit.decomposition.msd import peel
 from resfit.decomposition.propose import propose_regions
 from resfit.decomposition.region import Region, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
-from resfit.decomposition.runs import run_lengths, straight_parts
+from resfit.decomposition.runs import straight_parts
+from resfit.kernels.cells import CellSet, squared_distances
 from resfit.kernels.morphology import deepest_core
 
 
@@ -57,9 +59,19 @@ def share(a: np.ndarray, b: np.ndarray) -> float:
     return float((a & b).sum() / (a | b).sum())
 
 
+def peeled(solid: np.ndarray, fraction: float, device: wp.Device) -> list[np.ndarray]:
+    """Masks of the parts of a 64^3 solid."""
+    solid_cells = CellSet(solid < 0)
+    masks = []
+    for part in peel(solid_cells, -32 * solid[solid < 0].astype(np.float32), fraction, device):
+        masks.append(np.zeros(solid.shape, bool))
+        masks[-1][tuple(solid_cells.index[:, part])] = True
+    return masks
+
+
 def test_two_balls_and_a_rod_come_apart_in_order_of_thickness(device: wp.Device) -> None:
     solid = dumbbell()
-    parts = peel(-solid * 32, 0.005, device)
+    parts = peeled(solid, 0.005, device)
     rod = box((-0.2, -0.07, -0.07), (0.16, 0.07, 0.07)) < 0
     assert share(parts[0], ball((0.5, 0, 0), 0.34) < 0) > 0.9
     assert share(parts[1], ball((-0.5, 0, 0), 0.3) < 0) > 0.9
@@ -73,19 +85,19 @@ def test_torus_is_one_part(device: wp.Device) -> None:
     regions = propose_regions(solid, first_round=True, device=device)
     assert regions[0].source == "solid"
     assert share(paint(regions[0]), solid < 0) == 1.0
-    assert share(peel(-solid * 32, 0.12, device)[0], solid < 0) > 0.9
+    assert share(peeled(solid, 0.12, device)[0], solid < 0) > 0.9
 
 
 def test_angle_bracket_gives_both_arms(device: wp.Device) -> None:
     post, foot = box((-0.6, -0.2, -0.6), (-0.3, 0.2, 0.6)), box((-0.6, -0.2, -0.6), (0.6, 0.2, -0.4))
-    parts = peel(-grid(post, foot) * 32, 0.03, device)
+    parts = peeled(grid(post, foot), 0.03, device)
     assert max(share(part, post < 0) for part in parts) > 0.7
     assert max(share(part, (foot < 0) & (post > 0)) for part in parts) > 0.7
 
 
 def test_corners_of_a_box_go_with_it(device: wp.Device) -> None:
     solid = box((-0.5, -0.4, -0.3), (0.5, 0.4, 0.3)).astype(np.float32)
-    parts = peel(-solid * 32, 0.03, device)
+    parts = peeled(solid, 0.03, device)
     assert len(parts) == 1
     assert (parts[0] == (solid < 0)).all()
 
@@ -158,17 +170,18 @@ def test_deepest_core_is_what_labelling_every_level_finds(
     rng: np.random.Generator, device: wp.Device
 ) -> None:
     depth = ndimage.gaussian_filter(rng.normal(size=(20, 17, 23)), 1.5).astype(np.float32) * 20
+    solid = CellSet(depth > 0)
     for volume in (1, 7, 40, 300):
-        core = deepest_core(depth, volume)
+        core = deepest_core(solid, depth[depth > 0], volume)
         assert core is not None
         found = np.zeros(depth.shape, bool)
-        found.reshape(-1)[core.cells] = True
+        found[tuple(solid.index[:, core.places])] = True
         threshold, labels = deepest_by_labelling(depth, volume)
         volumes = np.bincount(labels.ravel())[1:]
         assert core.threshold == threshold
         assert found.sum() == volumes.max()
         assert len(np.unique(labels[found])) == 1
-    assert deepest_core(depth, depth.size) is None
+    assert deepest_core(solid, depth[depth > 0], depth.size) is None
 
 
 def test_coarse_grid_is_refused_where_parts_would_vanish() -> None:
@@ -243,5 +256,51 @@ def test_run_lengths_count_unbroken_cells() -> None:
     for axis in range(3):
         shape = np.ones(3, int)
         shape[axis] = len(line)
-        lengths = run_lengths(line.reshape(shape), axis)
-        assert lengths.reshape(-1).tolist() == [2, 2, 0, 3, 3, 3, 0, 0, 1]
+        lengths = CellSet(line.reshape(shape)).run_lengths()
+        assert lengths[axis].tolist() == [2, 2, 3, 3, 3, 1]
+        assert (lengths[axis - 1] == 1).all() and (lengths[axis - 2] == 1).all()
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_components_are_what_labelling_the_grid_finds(rng: np.random.Generator, full: bool) -> None:
+    mask = rng.random((14, 9, 11)) < 0.35
+    halves = np.broadcast_to(np.arange(14)[:, None, None] >= 6, mask.shape)
+    solid_cells = CellSet(mask)
+    key = halves[mask].astype(np.int32)
+    neighbours = np.ones((3, 3, 3), bool) if full else None
+    for half in (0, 1):
+        labels, count = ndimage.label(mask & (halves == half), neighbours)
+        places = np.flatnonzero(key == half).astype(np.int32)
+        parts, found = solid_cells.components(places, key, full)
+        assert found == count
+        assert (parts + 1 == labels[mask][places]).all()
+    largest = solid_cells.largest_components(solid_cells.all_places(), 0 * key, 2, 3, full)
+    volumes = np.bincount(ndimage.label(mask, neighbours)[0].ravel())[1:]
+    assert [len(part) for part in largest] == [size for size in sorted(volumes)[:-4:-1] if size > 1]
+
+
+def test_crop_and_neighbours_of_listed_cells(rng: np.random.Generator) -> None:
+    mask = rng.random((6, 7, 5)) < 0.4
+    solid_cells = CellSet(mask)
+    lower, cropped = solid_cells.crop(solid_cells.all_places()[3:9])
+    assert (np.argwhere(cropped) + lower == np.argwhere(mask)[3:9]).all()
+    for axis, step in ((0, 3), (1, -2), (2, 1)):
+        other = solid_cells.beside(axis, step)
+        there = np.argwhere(mask)
+        there[:, axis] += step
+        wanted = [tuple(cell) in {tuple(c) for c in np.argwhere(mask)} for cell in there.tolist()]
+        assert (other >= 0).tolist() == wanted
+        assert (solid_cells.index.T[other[other >= 0]] == there[other >= 0]).all()
+
+
+def test_distances_are_the_same_pair_by_pair_and_by_transform(
+    rng: np.random.Generator, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some, others = rng.integers(0, 40, (3, 70)), rng.integers(0, 40, (3, 30))
+    wanted = ((some[:, :, None] - others[:, None, :]) ** 2).sum(axis=0).min(axis=1)
+    assert (squared_distances(some, others, device) == wanted).all()
+    solid = dumbbell()
+    pairwise = peeled(solid, 0.03, device)
+    monkeypatch.setattr(msd, "PAIRS_PER_CELL", 0)
+    monkeypatch.setattr(msd, "PAIRS_PER_TRANSFORM", 0)
+    assert np.array_equal(pairwise, peeled(solid, 0.03, device))

@@ -18,6 +18,7 @@ from resfit.fitter.merge import mergers
 from resfit.fitter.objective import ObjectiveSamples
 from resfit.fitter.probes import DRAWS, with_probes
 from resfit.fitter.workbench import Workbench
+from resfit.kernels.cells import CellSet
 from resfit.kernels.rows import SHAPES, empty_rows
 from resfit.target.target import make_target
 
@@ -45,11 +46,11 @@ def test_cup_comes_apart_into_foot_stem_floor_and_wall() -> None:
 
 def test_prism_has_no_cut_and_steps_have_one_each() -> None:
     prism = np.ones((20, 6, 6), bool)
-    assert section_cuts(prism) == []
+    assert section_cuts(CellSet(prism), 0) == []
     steps = prism.copy()
     steps[7:, 3:] = False
     steps[14:, :, 3:] = False
-    assert section_cuts(steps) == [7, 14]
+    assert section_cuts(CellSet(steps), 0) == [7, 14]
 
 
 def test_ring_is_as_wide_as_the_thin_wall_around_the_hole() -> None:
@@ -105,12 +106,12 @@ def test_probes_see_what_sticks_out(device: wp.Device) -> None:
 def test_box_tree_cuts_a_step_once_and_a_frame_at_both_sides() -> None:
     step = np.ones((20, 10, 10), bool)
     step[12:, 4:] = False
-    assert best_cuts(step) == (0, [12])
+    assert best_cuts(CellSet(step).index) == (0, [12])
     ladder = np.zeros((40, 6, 20), bool)
     ladder[:, :, :4] = ladder[:, :, 16:] = True
     ladder[10:13, 2:4] = ladder[25:28, 2:4] = True
-    assert best_cuts(ladder) == (2, [4, 16])
-    assert best_cuts(np.ones((8, 8, 8), bool)) is None
+    assert best_cuts(CellSet(ladder).index) == (2, [4, 16])
+    assert best_cuts(CellSet(np.ones((8, 8, 8), bool)).index) is None
 
 
 def test_box_tree_finds_the_bars_of_a_chair() -> None:
