@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -10,7 +12,7 @@ from .coarse import working_grid
 from .holes import hole_parts
 from .msd import decompose
 from .region import Region, without_duplicates
-from .residual import SMALLEST_VOLUME, find_residual, residual_components
+from .residual import find_residual, residual_components
 from .runs import straight_parts
 from .sections import section_parts
 
@@ -21,8 +23,25 @@ MOST_REGIONS = 64
 
 
 def propose_regions(
+    grid: np.ndarray, explained: np.ndarray | None = None, *, most: int = MOST_REGIONS, **options: Any
+) -> list[Region]:
+    """Regions to fit primitives to: parts of what is unexplained, its connected components, at first all of it.
+
+    Args:
+        grid: (n, n, n) float32, signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
+        explained: the same of the assembly so far, None if there is none.
+        most: regions at most; the largest are kept.
+        options: of `find_parts`.
+
+    Returns:
+        Regions of at least 12 cells, none nearly equal to another, largest first. Same input, same regions.
+    """
+    return largest_parts(find_parts(grid, explained, most=most, **options), most)
+
+
+def find_parts(
     grid: np.ndarray,
-    explained: np.ndarray | None = None,
+    explained: np.ndarray | None,
     *,
     first_round: bool,
     device: wp.Device,
@@ -32,30 +51,23 @@ def propose_regions(
     fractions: tuple[float, ...] = FRACTIONS,
     most: int = MOST_REGIONS,
 ) -> list[Region]:
-    """Regions to fit primitives to: parts of what is unexplained, its connected components, at first all of it.
+    """What `propose_regions` picks from: regions of which some are alike, kind by kind.
 
     Args:
-        grid: (n, n, n) float32, signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
-        explained: the same of the assembly so far, None if there is none.
+        grid, explained: see there.
         first_round: propose the whole residual as one region too.
         device: where distances are measured.
         blocks: propose a tree of boxes' pieces.
         slabs: propose the pieces between changes of the cross-section too: big ones, some of them perforated.
         holes: propose the walls around holes, at first.
         fractions: volume fractions of the morphological decompositions.
-        most: regions at most; the largest are kept.
-
-    Returns:
-        Regions of at least 12 cells, none nearly equal to another, largest first. Same input, same regions.
+        most: connected components at most.
     """
     residual = find_residual(grid, explained)
     if residual is None:
         return []
-    components = residual_components(residual, most=most)
-    found: list[Region] = []
-    if first_round:
-        found += _whole(residual.depth > 0.0, residual.lower, residual.resolution)
-    found += components
+    found = [residual.region(residual.cells.all_places(), "solid")] if first_round else []
+    found += residual_components(residual, most=most)
     working = working_grid(residual)
     found += decompose(working, fractions, device)
     found += straight_parts(working)
@@ -65,10 +77,10 @@ def propose_regions(
         found += section_parts(working)
     if holes and first_round:
         found += hole_parts(working)
+    return [region for region in found if region is not None]
+
+
+def largest_parts(parts: list[Region], most: int) -> list[Region]:
+    """At most `most` of some parts, the largest, none nearly equal to another."""
     # The sort is stable: of equal volumes the whole stays before components, and these before parts.
-    found.sort(key=lambda region: -region.volume)
-    return without_duplicates(found)[:most]
-
-
-def _whole(mask: np.ndarray, lower: np.ndarray, resolution: int) -> list[Region]:
-    return [Region(lower, mask, resolution, "solid")] if np.count_nonzero(mask) >= SMALLEST_VOLUME else []
+    return without_duplicates(sorted(parts, key=lambda region: -region.volume))[:most]

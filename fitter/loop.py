@@ -128,6 +128,8 @@ class Fit(Track):
         Returns:
             How the first ended, or the second if only that reached what was asked for, and the rows of both.
         """
+        with self.timed("decompose"):
+            self.beginning = self.find_parts(slabs=True)
         halt = threading.Event()
         second = self.branch(halt.is_set)
         if not self.device.is_cpu or core_count() == 1:

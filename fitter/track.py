@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from ..decomposition.coacd import propose_convex_regions
-from ..decomposition.propose import propose_regions
+from ..decomposition.propose import find_parts, largest_parts
 from ..decomposition.region import Region
 from ..kernels.rows import BLEND, SHAPES
 from ..target.target import Target
@@ -72,6 +72,8 @@ class Track(Workbench):
         self.slabs = config.excursions == 0
         """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
         offer, a greedy choice takes them and never gets to what they are made of."""
+        self.beginning: list[Region] | None = None
+        """Parts of the whole target, slabs included, where two tracks begin with them."""
         self.saturation = SATURATION
         self.rounds: list[Round] = []
         self.best_rows, self.best_score, self.best_iou = self.rows, self.score, self.iou
@@ -190,19 +192,28 @@ class Track(Workbench):
         config, most = self.config, self.config.propose.regions
         if config.decompose == "coacd":
             return propose_convex_regions(self.target.grid, self.field, most, config.seed)
-        regions = propose_regions(
+        if self.field is None and self.beginning is not None:
+            parts = [part for part in self.beginning if self.slabs or part.source != "slab"]
+        else:
+            parts = self.find_parts(self.slabs)
+        regions = largest_parts(parts, most)
+        if config.optimizer == "adam":
+            return [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
+        return regions + (self.neighbour_regions() if len(self.rows) else [])
+
+    def find_parts(self, slabs: bool) -> list[Region]:
+        """Parts of what is unexplained, with or without slabs."""
+        propose = self.config.propose
+        return find_parts(
             self.target.grid,
             self.field,
             first_round=not len(self.rows),
             device=self.device,
-            blocks=config.propose.blocks,
-            slabs=config.propose.slabs and self.slabs,
-            holes=config.propose.holes,
-            most=most,
+            blocks=propose.blocks,
+            slabs=propose.slabs and slabs,
+            holes=propose.holes,
+            most=propose.regions,
         )
-        if config.optimizer == "adam":
-            return [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
-        return regions + (self.neighbour_regions() if len(self.rows) else [])
 
     def propose(self, regions: list[Region], number: int) -> np.ndarray:
         """Candidates (count, ROW): fitted ones of this and earlier rounds, or the paper's seeds."""

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from resfit.decomposition.propose import propose_regions
+from resfit.fitter import track
 from resfit.fitter.config import preset_config
 from resfit.fitter.loop import Fit, fit_target
 from resfit.fitter.outcome import Status
@@ -66,6 +68,31 @@ def test_what_tracks_found_is_put_together(stool, device, monkeypatch):
         assert outcome.score.objective >= fit.assess(end).objective - 1e-6
         offered = {row.tobytes() for entry in fit.rounds for row in entry.candidates[:, :SHAPES]}
         assert all(row.tobytes() in offered for row in end[:, :SHAPES])
+
+
+def test_two_tracks_begin_with_one_decomposition(stool, device, monkeypatch):
+    """The target is taken apart once; the first track leaves its slabs out, the second does not."""
+    begun = []
+    find_all = track.find_parts
+
+    def watch(grid, explained, **options):
+        begun.append(explained is None)
+        return find_all(grid, explained, **options)
+
+    monkeypatch.setattr(track, "find_parts", watch)
+    monkeypatch.setenv("RESFIT_THREADS", "1")
+    target, config = make_target(stool, device), two_tracks()
+    outcome = fit_target(target, config, device)
+    assert begun.count(True) == 1
+    wanted = [
+        propose_regions(
+            target.grid, first_round=True, device=device, slabs=slabs, most=config.propose.regions
+        )
+        for slabs in (False, True)
+    ]
+    first = [entry.regions for entry in outcome.rounds if entry.regions[0]["source"] == "solid"]
+    assert first == [[region.describe() for region in regions] for regions in wanted]
+    assert first[0] != first[1]
 
 
 @pytest.mark.parametrize("rounds", [1, 4, 9])
