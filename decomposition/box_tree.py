@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.morphology import components
 from .coarse import WorkingGrid
 from .region import Region
 
@@ -35,7 +36,7 @@ def box_tree_parts(grid: WorkingGrid) -> list[Region]:
     while waiting and len(regions) < MOST_PIECES:
         waiting.sort(key=lambda piece: -len(piece))
         mother = waiting.pop(0)
-        index = cells.index[:, mother]
+        index = cells.at(mother)
         lower = index.min(axis=1)
         cuts = best_cuts(index - lower[:, None])
         if cuts is None:
@@ -44,7 +45,7 @@ def box_tree_parts(grid: WorkingGrid) -> list[Region]:
         slab[mother] = slabs + np.searchsorted(places, index[axis] - lower[axis], side="right")
         for number in range(slabs, slabs + len(places) + 1):
             inside = mother[slab[mother] == number]
-            found, count = cells.components(inside, slab)
+            found, count = components(cells, inside, slab)
             volumes = np.bincount(found, minlength=count)
             for piece in np.flatnonzero(volumes >= smallest):
                 waiting.append(inside[found == piece])

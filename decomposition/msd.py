@@ -13,7 +13,7 @@ import warp as wp
 
 from ..kernels.cells import CellSet, squared_distances
 from ..kernels.distance_grid import distance_transform
-from ..kernels.morphology import deepest_core
+from ..kernels.morphology import components, deepest_core
 from .coarse import WorkingGrid
 from .region import Region
 
@@ -107,7 +107,7 @@ def grow_back(
     rest = near[~held]
     key = np.full(len(cells), -1, np.int32)
     key[rest] = 0
-    pieces, count = cells.components(rest, key)
+    pieces, count = components(cells, rest, key)
     absorbed = np.ones(count, bool)
     absorbed[pieces[away[~held] > reach]] = False
     held[~held] = absorbed[pieces]
@@ -131,14 +131,14 @@ def _distances(
     cells: CellSet, left: np.ndarray, seeds: np.ndarray, margin: int, device: wp.Device
 ) -> tuple[np.ndarray, np.ndarray]:
     """The cells left in the box round the seeds with a margin, (k,) int32 places, and how far they are from a seed."""
-    target = cells.index[:, seeds]
+    target = cells.at(seeds)
     low = np.maximum(target.min(axis=1) - margin, 0)
     high = np.minimum(target.max(axis=1) + margin + 1, cells.shape)
     held = left > 0.0
     for axis in range(3):
         held &= (cells.index[axis] >= low[axis]) & (cells.index[axis] < high[axis])
     near = np.flatnonzero(held).astype(np.int32)
-    index = cells.index[:, near]
+    index = cells.at(near)
     if len(near) * len(seeds) < PAIRS_PER_CELL * np.prod(high - low) + PAIRS_PER_TRANSFORM:
         return near, np.sqrt(squared_distances(index, target, device))
     mask = np.zeros(high - low, bool)

@@ -2,97 +2,108 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy import ndimage
+from dataclasses import dataclass
 
-from .region import Region, region_from_mask
+import numpy as np
+
+from ..kernels.cells import CellSet, Survey, crop, survey_parts, true_cells
+from .region import Region, true_box
 
 SMALLEST = 24
 """Cells below which a part is not worth another look."""
 
 
-def label_parts(grid: np.ndarray, owners_at: np.ndarray, coarse_cells: np.ndarray) -> np.ndarray:
-    """Which primitive each cell of the target belongs to.
+@dataclass(frozen=True)
+class TargetCells:
+    """The cells of a target, and those of half the resolution that hold any, at whose centres owners are found."""
 
-    Args:
-        grid: (n, n, n) signed distance of the target, n even.
-        owners_at: (m,) primitive nearest to each coarse cell's centre.
-        coarse_cells: (m,) flat indices into the (n/2)^3 grid, from `coarse_inside`.
-
-    Returns:
-        (n, n, n) int32, -1 outside the target.
-    """
-    half = grid.shape[0] // 2
-    labels = np.full(half**3, -1, np.int32)
-    labels[coarse_cells] = owners_at
-    fine = labels.reshape(half, half, half).repeat(2, 0).repeat(2, 1).repeat(2, 2)
-    return np.where(grid < 0, fine, -1)
+    cells: CellSet
+    """On the target's box."""
+    lower: np.ndarray
+    """(3,) int32, the box's first cell."""
+    resolution: int
+    """Cells along a side of the whole grid."""
+    centres: np.ndarray
+    """(k, 3) float32 of the coarse cells, normalised frame."""
+    coarse: np.ndarray
+    """(m,) the coarse cell that each cell is in."""
 
 
-def coarse_inside(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cells of the half-resolution grid that hold any of the target: flat indices, centres (m, 3) normalised."""
-    half = grid.shape[0] // 2
+@dataclass(frozen=True)
+class Parts:
+    """What each primitive holds of a target."""
+
+    target: TargetCells
+    labels: np.ndarray
+    """(a, b, c) int16 on the target's box: the primitive that a cell belongs to, -1 outside the target."""
+    sizes: np.ndarray
+    """(count,) cells."""
+    survey: Survey
+    """Their boxes and contacts."""
+
+
+def target_cells(grid: np.ndarray) -> TargetCells:
+    """The cells of a target from its signed distances (n, n, n), n even."""
+    resolution, half = len(grid), len(grid) // 2
     inside = grid < 0
-    pairs = inside[0::2] | inside[1::2]
-    rows = pairs[:, 0::2] | pairs[:, 1::2]
-    cells = np.flatnonzero(rows[:, :, 0::2] | rows[:, :, 1::2])
-    index = np.stack(np.unravel_index(cells, (half, half, half)), 1)
-    return cells, (-1.0 + (index + 0.5) * (2.0 / half)).astype(np.float32)
+    box = true_box(inside) or (slice(0),) * 3
+    lower = np.array([edge.start or 0 for edge in box], np.int32)
+    cells = CellSet(inside[box])
+    x, y, z = (cells.index + lower[:, None]) // 2
+    flat = (x * half + y) * half + z
+    held = np.zeros(half**3, bool)
+    held[flat] = True
+    index = np.stack(np.unravel_index(np.flatnonzero(held), (half, half, half)), 1)
+    centres = (-1.0 + (index + 0.5) * (2.0 / half)).astype(np.float32)
+    return TargetCells(cells, lower, resolution, centres, (np.cumsum(held) - 1)[flat])
 
 
-def neighbour_pairs(labels: np.ndarray, count: int) -> list[tuple[int, int]]:
+def find_parts(target: TargetCells, owner: np.ndarray, count: int) -> Parts:
+    """The parts of a target that `count` primitives hold, given the one (k,) nearest to each coarse cell's centre."""
+    cells = target.cells
+    part = owner.astype(np.int32)[target.coarse]
+    labels = np.full(cells.shape, -1, np.int16)
+    labels[tuple(cells.index)] = part
+    return Parts(target, labels, np.bincount(part, minlength=count), survey_parts(cells, part, count))
+
+
+def neighbour_pairs(parts: Parts) -> list[tuple[int, int]]:
     """Pairs of parts that touch, those with the most contact for the smaller one's size first."""
-    contacts = np.zeros(count * count, np.int64)
-    for axis in range(3):
-        a: list[slice] = [slice(None)] * 3
-        b = list(a)
-        a[axis], b[axis] = slice(None, -1), slice(1, None)
-        first, second = labels[tuple(a)], labels[tuple(b)]
-        touching = (first != second) & (first >= 0) & (second >= 0)
-        contacts += np.bincount(first[touching] * count + second[touching], minlength=count * count)
-    contacts = contacts.reshape(count, count)
-    contacts += contacts.T
-    sizes = np.bincount(labels[labels >= 0], minlength=count)
+    contacts, sizes = parts.survey.contacts + parts.survey.contacts.T, parts.sizes
     first, second = np.nonzero(np.triu(contacts))
     share = contacts[first, second] / np.maximum(np.minimum(sizes[first], sizes[second]), 1) ** (2 / 3)
     order = np.argsort(-share, kind="stable")
     return [(int(first[i]), int(second[i])) for i in order]
 
 
-def part_regions(labels: np.ndarray, parts: list[tuple[int, ...]], source: str) -> list[Region]:
+def part_regions(parts: Parts, groups: list[tuple[int, ...]], source: str) -> list[Region]:
     """One region for each group of parts, cropped to its box; groups of too few cells are left out."""
-    resolution = labels.shape[0]
-    boxes = ndimage.find_objects(labels + 1)
-    regions = []
-    for group in parts:
-        held = [boxes[part] for part in group if part < len(boxes) and boxes[part] is not None]
-        if not held:
+    target, regions = parts.target, []
+    for group in groups:
+        held = [part for part in group if parts.sizes[part]]
+        if parts.sizes[held].sum() < SMALLEST:
             continue
-        lower = [min(box[axis].start for box in held) for axis in range(3)]
-        upper = [max(box[axis].stop for box in held) for axis in range(3)]
-        within = labels[tuple(slice(a, b) for a, b in zip(lower, upper, strict=True))]
-        mask = within == group[0]
-        for other in group[1:]:
+        lower, upper = parts.survey.lower[held].min(axis=0), parts.survey.upper[held].max(axis=0)
+        within = parts.labels[tuple(slice(a, b) for a, b in zip(lower, upper, strict=True))]
+        mask = within == held[0]
+        for other in held[1:]:
             mask |= within == other
-        region = region_from_mask(mask, np.array(lower, np.int32), resolution, source)
-        if region is not None and region.volume >= SMALLEST:
-            regions.append(region)
+        regions.append(Region(target.lower + lower, mask, target.resolution, source))
     return regions
 
 
 def halves(region: Region) -> list[Region]:
     """The region cut across its two longest principal axes, at the middle: four overlapping proposals."""
-    centres = region.centres().astype(np.float64)
-    middle = centres.mean(0)
-    _, axes = np.linalg.eigh(np.cov((centres - middle).T) + 1e-12 * np.eye(3))
+    index = true_cells(region.mask)
+    centres = region.centres_of(index).astype(np.float64)
+    offset = centres - centres.mean(0)
+    _, axes = np.linalg.eigh(np.cov(offset.T) + 1e-12 * np.eye(3))
     found = []
     for axis in axes.T[:0:-1]:
-        along = (centres - middle) @ axis
-        cut = 0.5 * (along.min() + along.max())
-        for side in (along < cut, along >= cut):
-            mask = np.zeros(region.mask.shape, bool)
-            mask.ravel()[np.flatnonzero(region.mask)[side]] = True
-            half = region_from_mask(mask, region.lower, region.resolution, f"half {region.source}")
-            if half is not None and half.volume >= SMALLEST:
-                found.append(half)
+        along = offset @ axis
+        below = along < 0.5 * (along.min() + along.max())
+        for side in (np.flatnonzero(below), np.flatnonzero(~below)):
+            if len(side) >= SMALLEST:
+                lower, mask = crop(index.take(side, axis=1))
+                found.append(Region(region.lower + lower, mask, region.resolution, f"half {region.source}"))
     return found

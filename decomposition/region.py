@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
+from ..kernels.cells import true_cells
+
 SAME_SHARE = 0.9
 """Two regions that share more than this of their union are one proposal."""
 
@@ -36,14 +38,22 @@ class Region:
 
     def centres(self) -> np.ndarray:
         """Centres (volume, 3) float32 of the cells, normalised frame, in the order of the grid."""
-        return self._centres_of(np.flatnonzero(self.mask))
+        return self.centres_of(true_cells(self.mask))
 
     def sample(self, count: int) -> np.ndarray:
         """At most `count` of the centres, spread evenly over the region; always the same ones."""
-        cells = np.flatnonzero(self.mask)
-        if len(cells) > count:
-            cells = cells[spread_indices(len(cells), count)]
-        return self._centres_of(cells)
+        index = true_cells(self.mask)
+        if index.shape[1] > count:
+            index = index.take(spread_indices(index.shape[1], count), axis=1)
+        return self.centres_of(index)
+
+    def centres_of(self, index: np.ndarray) -> np.ndarray:
+        """Centres (k, 3) float32, normalised frame, of cells (3, k) of the mask."""
+        centres = np.empty(index.shape[::-1], np.float32)
+        for axis, low in enumerate(self.lower):
+            places = np.arange(low, low + self.mask.shape[axis])
+            centres[:, axis] = ((places + 0.5) * (2.0 / self.resolution) - 1.0)[index[axis]]
+        return centres
 
     def covariance(self) -> np.ndarray:
         """Covariance (3, 3) of the cells' centres, normalised frame: of all of them, unlike that of a sample."""
@@ -80,10 +90,6 @@ class Region:
         theirs = other.mask[_slices(low - other.lower, high - other.lower)]
         both = int(np.count_nonzero(mine & theirs))
         return both / (self.volume + other.volume - both)
-
-    def _centres_of(self, cells: np.ndarray) -> np.ndarray:
-        index = np.stack(np.unravel_index(cells, self.mask.shape), axis=1) + self.lower
-        return ((index + 0.5) * (2.0 / self.resolution) - 1.0).astype(np.float32)
 
 
 def spread_indices(length: int, count: int) -> np.ndarray:

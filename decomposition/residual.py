@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..kernels.cells import CellSet
+from ..kernels.morphology import largest_components
 from .region import Region, true_box
 
 NOISE_SHELL = 1.5
@@ -85,6 +86,6 @@ def residual_components(residual: Residual, smallest: int = SMALLEST_VOLUME, mos
     """The connected parts (26 neighbours) of at least `smallest` cells, largest first, at most `most` of them."""
     cells = residual.cells
     key = np.zeros(len(cells), np.int32)
-    parts = cells.largest_components(cells.all_places(), key, smallest, most, full=True)
+    parts = largest_components(cells, cells.all_places(), key, smallest, most, full=True)
     regions = [residual.region(part, "component") for part in parts]
     return [region for region in regions if region is not None]

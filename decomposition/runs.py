@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.morphology import largest_components
 from .coarse import WorkingGrid
 from .region import Region
 
@@ -33,7 +34,7 @@ def straight_parts(grid: WorkingGrid) -> list[Region]:
         beams = along >= SLIMNESS * np.maximum(one, two)
         for held, source in ((plates, "plate"), (beams, "beam")):
             places = np.flatnonzero(held).astype(np.int32)
-            for part in cells.largest_components(places, held.astype(np.int32), smallest, MOST_PARTS):
+            for part in largest_components(cells, places, held.astype(np.int32), smallest, MOST_PARTS):
                 region = grid.region(part, source)
                 if region is not None:
                     regions.append(region)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.cells import BORDER, CellSet
+from ..kernels.morphology import largest_components
 from .coarse import WorkingGrid
 from .region import Region
 
@@ -37,7 +38,7 @@ def section_parts(grid: WorkingGrid) -> list[Region]:
         slab = np.searchsorted(cuts, cells.index[axis], side="right").astype(np.int32)
         for number in range(len(cuts) + 1):
             places = np.flatnonzero(slab == number).astype(np.int32)
-            for piece in cells.largest_components(places, slab, smallest, MOST_PIECES):
+            for piece in largest_components(cells, places, slab, smallest, MOST_PIECES):
                 region = grid.region(piece, "slab")
                 if region is not None:
                     regions.append(region)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..decomposition.neighbours import coarse_inside, halves, label_parts, neighbour_pairs, part_regions
+from ..decomposition.neighbours import find_parts, halves, neighbour_pairs, part_regions, target_cells
 from ..decomposition.region import Region
 from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
@@ -68,8 +68,8 @@ class Workbench:
         self.inside_target = target.grid < 0
         self.inside_count = np.count_nonzero(self.inside_target)
         self.grid_wanted = wp.array(any_in_blocks(self.inside_target), dtype=int, device=device)
-        self.coarse_cells, centres = coarse_inside(target.grid)
-        self.coarse_blocks = point_blocks(centres, device)
+        self.target_cells = target_cells(target.grid)
+        self.coarse_blocks = point_blocks(self.target_cells.centres, device)
         self.price = self.alpha = config.parsimony
         self.timings: dict[str, float] = {}
         self.positions, self.place = [0.0], 0
@@ -167,9 +167,9 @@ class Workbench:
         """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
         count, settings = len(self.rows), self.config.propose
         values = values_at(self.rows, self.families(self.rows), self.coarse_blocks, self.device)
-        labels = label_parts(self.target.grid, values.argmin(0), self.coarse_cells)
-        pairs = neighbour_pairs(labels, count)[: settings.merges]
+        parts = find_parts(self.target_cells, values.argmin(0), count)
+        pairs = neighbour_pairs(parts)[: settings.merges]
         worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
-        singles = part_regions(labels, [(int(k),) for k in worst], "part")
+        singles = part_regions(parts, [(int(k),) for k in worst], "part")
         split = [half for region in singles for half in halves(region)]
-        return singles + split + part_regions(labels, pairs, "pair")
+        return singles + split + part_regions(parts, pairs, "pair")

@@ -6,8 +6,8 @@ neighbours are chains of dependent steps, so that they always run as one thread 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 import warp as wp
@@ -34,13 +34,12 @@ class CellSet:
     def __init__(self, mask: np.ndarray):
         """Of a mask (a, b, c) bool."""
         self.shape = mask.shape
-        found = np.flatnonzero(mask)
-        self.index = np.stack(np.unravel_index(found, mask.shape)).astype(np.int32)
+        self.index = true_cells(mask)
         bordered = [size + 2 * BORDER for size in mask.shape]
-        self._strides = np.array([bordered[1] * bordered[2], bordered[2], 1], np.int32)
-        self._flat = self._strides @ (self.index + BORDER)
+        self.strides = np.array([bordered[1] * bordered[2], bordered[2], 1], np.int32)
+        self._flat = sum(step * (line + BORDER) for step, line in zip(self.strides, self.index, strict=True))
         self._place_at = np.full(np.prod(bordered), -1, np.int32)
-        self._place_at[self._flat] = np.arange(len(found), dtype=np.int32)
+        self._place_at[self._flat] = np.arange(len(self), dtype=np.int32)
 
     def __len__(self) -> int:
         return len(self._flat)
@@ -49,69 +48,27 @@ class CellSet:
         """0 to m - 1, int32."""
         return np.arange(len(self), dtype=np.int32)
 
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """Coordinates (3, k) int32 of some cells; contiguous along each axis, as `index[:, places]` would not be."""
+        return self.index.take(places, axis=1)
+
     def crop(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The box of some cells, at least one: its lower corner (3,) int32, and a mask on it of the cells."""
-        index = self.index[:, places]
-        lower = index.min(axis=1)
-        mask = np.zeros(index.max(axis=1) + 1 - lower, bool)
-        x, y, z = index - lower[:, None]
-        mask.reshape(-1)[(x * mask.shape[1] + y) * mask.shape[2] + z] = True
-        return lower, mask
+        return crop(self.at(places))
 
     def beside(self, axis: int, step: int) -> np.ndarray:
         """Place (m,) int32 of the cell that is `step` further along an axis, at most BORDER; -1 where none is."""
-        return self._place_at[self._flat + step * self._strides[axis]]
+        return self._place_at[self._flat + step * self.strides[axis]]
 
     @cached_property
-    def arrays(self) -> tuple[wp.array, wp.array, wp.array, wp.vec3i]:
-        """What kernels on the CPU need: index into the bordered grid of each place and the other way round, a scratch
-        number for each place, and the strides of the bordered grid."""
-        return (
-            on_cpu(self._flat),
-            on_cpu(self._place_at),
-            wp.empty(len(self), dtype=int, device="cpu"),
-            wp.vec3i(*self._strides),
-        )
-
-    def components(self, places: np.ndarray, key: np.ndarray, full: bool = False) -> tuple[np.ndarray, int]:
-        """The connected parts of some of the cells.
-
-        Args:
-            places: (k,) int32, ascending: the cells to look at.
-            key: (m,) int32 of every cell of the set: neighbours are connected if their keys are equal. No cell left
-                out may have the key of one looked at.
-            full: whether cells that share an edge or a corner are neighbours (26), or only those that share a face (6).
-
-        Returns:
-            The part (k,) int32 of each cell, from 0 in the order of their first cells, and how many there are.
-        """
-        flat, place_at, parent, _ = self.arrays
-        steps = _FULL_STEPS if full else _FACE_STEPS
-        offsets = (steps @ self._strides).astype(np.int32)
-        found, count = np.empty(len(places), np.int32), np.zeros(1, np.int32)
-        launch(
-            label_cells_kernel,
-            1,
-            [on_cpu(places), on_cpu(key), flat, place_at, on_cpu(offsets), parent],
-            [on_cpu(found), on_cpu(count)],
-            parent.device,
-        )
-        return found, int(count[0])
-
-    def largest_components(
-        self, places: np.ndarray, key: np.ndarray, smallest: int, most: int, full: bool = False
-    ) -> list[np.ndarray]:
-        """Places of at most `most` components, of at least `smallest` cells, largest first; see `components`."""
-        if len(places) < smallest:
-            return []
-        found, count = self.components(places, key, full)
-        volumes = np.bincount(found, minlength=count)
-        chosen = np.argsort(-volumes, kind="stable")[:most]
-        return [places[found == part] for part in chosen if volumes[part] >= smallest]
+    def arrays(self) -> tuple[wp.array, wp.array, wp.vec3i]:
+        """What kernels on the CPU need: the index into the bordered grid of each place, the other way round, and the
+        strides of the bordered grid."""
+        return on_cpu(self._flat), on_cpu(self._place_at), wp.vec3i(*self.strides)
 
     def run_lengths(self) -> np.ndarray:
         """Number of cells (3, m) int32 in the unbroken run along each axis that a cell is in."""
-        flat, place_at, _, strides = self.arrays
+        flat, place_at, strides = self.arrays
         lengths = np.empty((3, len(self)), np.int32)
         launch(
             measure_runs_kernel,
@@ -124,14 +81,52 @@ class CellSet:
         return lengths
 
 
+def true_cells(mask: np.ndarray) -> np.ndarray:
+    """Coordinates (3, m) int32 of the true cells of a mask (a, b, c), in the order of the grid."""
+    found = np.flatnonzero(mask).astype(np.int32)
+    row = found // mask.shape[2]
+    x = row // mask.shape[1]
+    return np.stack([x, row - x * mask.shape[1], found - row * mask.shape[2]])
+
+
+def crop(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The box of cells (3, k), at least one: its lower corner (3,) int32, and a mask on it of the cells."""
+    lower = index.min(axis=1)
+    mask = np.zeros(index.max(axis=1) + 1 - lower, bool)
+    x, y, z = index - lower[:, None]
+    mask.reshape(-1)[(x * mask.shape[1] + y) * mask.shape[2] + z] = True
+    return lower, mask
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Where the parts of a set of cells are, and how they touch."""
+
+    contacts: np.ndarray
+    """(parts, parts) int32, faces that a cell of one part and the next cell, of the other, share; 0 on the diagonal."""
+    lower: np.ndarray
+    upper: np.ndarray
+    """(parts, 3) int32 each, the box [lower, upper) of a part; upper is 0 where a part has no cells."""
+
+
+def survey_parts(cells: CellSet, part: np.ndarray, count: int) -> Survey:
+    """How `count` parts lie, given the part (m,) int32 of each cell."""
+    flat, place_at, strides = cells.arrays
+    contacts = np.zeros((count, count), np.int32)
+    lower, upper = np.full((count, 3), max(cells.shape), np.int32), np.zeros((count, 3), np.int32)
+    launch(
+        survey_parts_kernel,
+        1,
+        [on_cpu(part), count, on_cpu(cells.index.reshape(-1)), flat, place_at, strides],
+        [on_cpu(found.reshape(-1)) for found in (contacts, lower, upper)],
+        flat.device,
+    )
+    return Survey(contacts, lower, upper)
+
+
 def on_cpu(values: np.ndarray) -> wp.array:
     """A Warp array in the memory of a contiguous NumPy array (n,) int32."""
     return wp.array(values, dtype=int, device="cpu", copy=False)
-
-
-_FACE_STEPS = np.array([[-1, 0, 0], [0, -1, 0], [0, 0, -1]])
-_FULL_STEPS = np.array([step for step in product((-1, 0, 1), repeat=3) if step < (0, 0, 0)])
-"""Steps (k, 3) to the neighbours that come before a cell."""
 
 
 def squared_distances(index: np.ndarray, others: np.ndarray, device: wp.Device) -> np.ndarray:
@@ -152,60 +147,6 @@ def squared_distances(index: np.ndarray, others: np.ndarray, device: wp.Device) 
         seconds_per_thread=others.shape[1] * BLOCK * 2e-10,
     )
     return square.numpy()[:count]
-
-
-@wp.func
-def find_root(parent: wp.array[int], cell: int) -> int:
-    """Root of a cell's tree; halves the path on the way."""
-    i = cell
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@wp.kernel
-def label_cells_kernel(
-    first: int,
-    places: wp.array[int],
-    key: wp.array[int],
-    flat: wp.array[int],
-    place_at: wp.array[int],
-    offsets: wp.array[int],
-    parent: wp.array[int],
-    # outputs
-    out_label: wp.array[int],
-    out_count: wp.array[int],
-):
-    """Number the connected parts; a single thread. The root of a tree is its first cell."""
-    for k in range(places.shape[0]):
-        cell = places[k]
-        parent[cell] = cell
-        root = wp.int32(cell)
-        for step in range(offsets.shape[0]):
-            other = place_at[flat[cell] + offsets[step]]
-            if other >= 0 and key[other] == key[cell]:
-                joined = find_root(parent, other)
-                if joined < root:
-                    parent[root] = joined
-                    root = joined
-                else:
-                    parent[joined] = root
-    count = wp.int32(0)
-    for k in range(places.shape[0]):
-        cell = places[k]
-        if parent[cell] == cell:
-            # A root's number stands where no place is: below -1.
-            parent[cell] = -2 - count
-            out_label[k] = count
-            count += 1
-        else:
-            i = wp.int32(cell)
-            while parent[i] >= 0:
-                i = parent[i]
-            out_label[k] = -2 - parent[i]
-            parent[cell] = parent[i]
-    out_count[0] = count
 
 
 @wp.kernel
@@ -230,6 +171,33 @@ def measure_runs_kernel(
             length += 1
         for k in range(length):
             out_length[begin + place_at[at + k * step]] = length
+
+
+@wp.kernel
+def survey_parts_kernel(
+    first: int,
+    part: wp.array[int],
+    count: int,
+    index: wp.array[int],
+    flat: wp.array[int],
+    place_at: wp.array[int],
+    strides: wp.vec3i,
+    # outputs
+    out_contacts: wp.array[int],
+    out_lower: wp.array[int],
+    out_upper: wp.array[int],
+):
+    """Boxes of all parts, and the contacts of each cell with the next ones along the axes; a single thread."""
+    cells = part.shape[0]
+    for k in range(cells):
+        own = part[k]
+        for axis in range(3):
+            at = index[axis * cells + k]
+            out_lower[3 * own + axis] = wp.min(out_lower[3 * own + axis], at)
+            out_upper[3 * own + axis] = wp.max(out_upper[3 * own + axis], at + 1)
+            other = place_at[flat[k] + strides[axis]]
+            if other >= 0 and part[other] != own:
+                out_contacts[own * count + part[other]] += 1
 
 
 @wp.kernel

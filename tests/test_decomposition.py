@@ -15,7 +15,7 @@ from resfit.decomposition.region import Region, region_from_mask, without_duplic
 from resfit.decomposition.residual import find_residual, residual_components
 from resfit.decomposition.runs import straight_parts
 from resfit.kernels.cells import CellSet, squared_distances
-from resfit.kernels.morphology import deepest_core
+from resfit.kernels.morphology import components, deepest_core, largest_components
 
 
 def cells(resolution: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -271,10 +271,10 @@ def test_components_are_what_labelling_the_grid_finds(rng: np.random.Generator, 
     for half in (0, 1):
         labels, count = ndimage.label(mask & (halves == half), neighbours)
         places = np.flatnonzero(key == half).astype(np.int32)
-        parts, found = solid_cells.components(places, key, full)
+        parts, found = components(solid_cells, places, key, full)
         assert found == count
         assert (parts + 1 == labels[mask][places]).all()
-    largest = solid_cells.largest_components(solid_cells.all_places(), 0 * key, 2, 3, full)
+    largest = largest_components(solid_cells, solid_cells.all_places(), 0 * key, 2, 3, full)
     volumes = np.bincount(ndimage.label(mask, neighbours)[0].ravel())[1:]
     assert [len(part) for part in largest] == [size for size in sorted(volumes)[:-4:-1] if size > 1]
 
