@@ -43,16 +43,16 @@ def box_tree_parts(grid: WorkingGrid) -> list[Region]:
             continue
         axis, places = cuts
         slab[mother] = slabs + np.searchsorted(places, index[axis] - lower[axis], side="right")
-        for number in range(slabs, slabs + len(places) + 1):
-            inside = mother[slab[mother] == number]
-            found, count = components(cells, inside, slab)
-            volumes = np.bincount(found, minlength=count)
-            for piece in np.flatnonzero(volumes >= smallest):
-                waiting.append(inside[found == piece])
-                region = grid.region(waiting[-1], "block")
-                if region is not None:
-                    regions.append(region)
         slabs += len(places) + 1
+        found, count = components(cells, mother, slab)
+        large = np.flatnonzero(np.bincount(found, minlength=count) >= smallest)
+        pieces = [mother[found == piece] for piece in large]
+        # Slab by slab: a piece is of the slab that any of its cells is in.
+        for piece in sorted(pieces, key=lambda piece: slab[piece[0]]):
+            waiting.append(piece)
+            region = grid.region(piece, "block")
+            if region is not None:
+                regions.append(region)
     return regions
 
 

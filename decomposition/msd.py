@@ -104,13 +104,14 @@ def grow_back(
     # A cell more than the reach, so that what goes on beyond shows that it does.
     near, away = _distances(cells, left, core, math.ceil(reach) + 1, device)
     held = away <= radius + 0.5
-    rest = near[~held]
-    key = np.full(len(cells), -1, np.int32)
-    key[rest] = 0
-    pieces, count = components(cells, rest, key)
-    absorbed = np.ones(count, bool)
-    absorbed[pieces[away[~held] > reach]] = False
-    held[~held] = absorbed[pieces]
+    rest, beyond = near[~held], away[~held] > reach
+    if not beyond.all():
+        key = np.full(len(cells), -1, np.int32)
+        key[rest] = 0
+        pieces, count = components(cells, rest, key)
+        absorbed = np.ones(count, bool)
+        absorbed[pieces[beyond]] = False
+        held[~held] = absorbed[pieces]
     return near[held]
 
 

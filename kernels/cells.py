@@ -135,13 +135,11 @@ def squared_distances(index: np.ndarray, others: np.ndarray, device: wp.Device) 
     padded = np.zeros((3, -(-count // BLOCK) * BLOCK), np.float32)
     padded[:, :count] = index
     square = wp.empty(padded.shape[1], dtype=float, device=device)
+    lines = [*padded, others.astype(np.float32, order="C").reshape(-1)]
     launch(
         measure_squares_kernel,
         padded.shape[1] // BLOCK,
-        [
-            *(wp.array(axis, dtype=float, device=device) for axis in padded),
-            *(wp.array(axis, dtype=float, device=device) for axis in others.astype(np.float32)),
-        ],
+        [wp.array(line, dtype=float, device=device, copy=False) for line in lines],
         [square],
         device,
         seconds_per_thread=others.shape[1] * BLOCK * 2e-10,
@@ -206,23 +204,22 @@ def measure_squares_kernel(
     x: wp.array[float],
     y: wp.array[float],
     z: wp.array[float],
-    other_x: wp.array[float],
-    other_y: wp.array[float],
-    other_z: wp.array[float],
+    others: wp.array[float],
     # outputs
     out_square: wp.array[float],
 ):
     """Squared distance of the nearest other cell for a block of cells; whole numbers, exact in float32."""
     base = (first + wp.tid()) * BLOCK
+    count = others.shape[0] // 3
     for j in range(BLOCK):
         out_square[base + j] = 3.0e38
-    for k in range(other_x.shape[0]):
-        ox = other_x[k]
-        oy = other_y[k]
-        oz = other_z[k]
+    for k in range(count):
+        other_x = others[k]
+        other_y = others[count + k]
+        other_z = others[2 * count + k]
         for j in range(BLOCK):
-            dx = x[base + j] - ox
-            dy = y[base + j] - oy
-            dz = z[base + j] - oz
+            dx = x[base + j] - other_x
+            dy = y[base + j] - other_y
+            dz = z[base + j] - other_z
             square = dx * dx + dy * dy + dz * dz
             out_square[base + j] = wp.where(square < out_square[base + j], square, out_square[base + j])
