@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -136,19 +136,32 @@ def label_components(mask: np.ndarray, full: bool = False) -> tuple[np.ndarray, 
     return labels, int(np.asarray(count))
 
 
-def without_duplicates(regions: Iterable[Region]) -> list[Region]:
+def box_table(regions: Sequence[Region]) -> np.ndarray:
+    """Lower and upper corner of each region's box in cells, and its volume: (k, 7) float64."""
+    rows = [[*region.lower, *(region.lower + region.mask.shape), region.volume] for region in regions]
+    return np.array(rows, np.float64).reshape(-1, 7)
+
+
+def common_boxes(table: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Cells that the boxes of two tables share, (k, m)."""
+    low = np.maximum(table[:, None, :3], others[:, :3])
+    high = np.minimum(table[:, None, 3:6], others[:, 3:6])
+    return np.maximum(high - low, 0).prod(axis=2)
+
+
+def without_duplicates(regions: Sequence[Region]) -> list[Region]:
     """The regions less those that an earlier one nearly equals (see SAME_SHARE)."""
-    kept: list[Region] = []
-    for region in regions:
-        # The share is at most the ratio of the volumes: most pairs need no look at their cells.
-        close = [other for other in kept if _ratio(region.volume, other.volume) > SAME_SHARE]
-        if not any(region.overlap(other) > SAME_SHARE for other in close):
-            kept.append(region)
-    return kept
-
-
-def _ratio(a: int, b: int) -> float:
-    return min(a, b) / max(a, b)
+    table = box_table(regions)
+    volume = table[:, 6]
+    # Two regions share no more than either has, or their boxes do: most pairs need no look at their cells.
+    most = np.minimum(np.minimum(volume[:, None], volume), common_boxes(table, table))
+    close = most / (volume[:, None] + volume - most) > SAME_SHARE
+    kept: list[int] = []
+    for index, region in enumerate(regions):
+        alike = [other for other in kept if close[index, other]]
+        if not any(region.overlap(regions[other]) > SAME_SHARE for other in alike):
+            kept.append(index)
+    return [regions[index] for index in kept]
 
 
 def _slices(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice, slice]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import warp as wp
 
-from ..decomposition.region import Region
+from ..decomposition.region import Region, box_table, common_boxes
 from ..kernels.occupancy import Holdings
 from ..kernels.rows import ROW
 from .config import FitConfig
@@ -34,12 +34,11 @@ class CandidateMemory:
 
     def fit_new(self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int) -> np.ndarray:
         """Fit the regions that are new, and return all candidates remembered, (count, ROW) float32."""
-        new: list[Region] = []
-        for region in regions:
-            if not self._known(region):
-                new.append(region)
-                self.regions.append(region)
-                self.boxes = np.concatenate([self.boxes, _box(region)[None]])
+        boxes = box_table(regions)
+        chosen = self._new(regions, boxes)
+        new = [regions[index] for index in chosen]
+        self.regions += new
+        self.boxes = np.concatenate([self.boxes, boxes[chosen]])
         if new:
             fitted = fit_regions(new, grid, config.primitive, config.propose, seed, self.device)
             order = np.argsort(fitted.region, kind="stable")
@@ -56,7 +55,7 @@ class CandidateMemory:
 
     def take(self, other: CandidateMemory) -> None:
         """Remember what another memory of the same samples does and this one does not."""
-        new = [index for index, region in enumerate(other.regions) if not self._known(region)]
+        new = self._new(other.regions, other.boxes)
         self.regions += [other.regions[index] for index in new]
         self.rows += [other.rows[index] for index in new]
         added = [other.candidates()[:0], *(other.rows[index] for index in new)]
@@ -77,21 +76,22 @@ class CandidateMemory:
         """All candidates remembered, (count, ROW) float32."""
         return np.concatenate(self.rows) if self.rows else np.zeros((0, ROW), np.float32)
 
-    def _known(self, region: Region) -> bool:
-        """Whether a region like it was tried; boxes and volumes rule most out without looking at cells."""
-        if not self.regions:
-            return False
-        box = _box(region)
-        low, high = np.maximum(self.boxes[:, :3], box[:3]), np.minimum(self.boxes[:, 3:6], box[3:6])
-        common = np.maximum(high - low, 0).prod(1)
-        union = (self.boxes[:, 3:6] - self.boxes[:, :3]).prod(1) + (box[3:6] - box[:3]).prod() - common
-        volume = np.minimum(self.boxes[:, 6], box[6]) / np.maximum(self.boxes[:, 6], box[6])
-        alike = np.flatnonzero((common > 0.6 * union) & (volume > SAME_SHARE))
-        return any(region.overlap(self.regions[index]) > SAME_SHARE for index in alike)
+    def _new(self, regions: list[Region], boxes: np.ndarray) -> list[int]:
+        """Indices of the regions, given their boxes, that are like none tried and like none before them.
 
-
-def _box(region: Region) -> np.ndarray:
-    """Lower and upper corner in cells, and the volume: (7,)."""
-    return np.concatenate([region.lower, region.lower + region.mask.shape, [region.volume]]).astype(
-        np.float64
-    )
+        Boxes and volumes rule most pairs out without a look at their cells.
+        """
+        tried, others = len(self.regions), [*self.regions, *regions]
+        table = np.concatenate([self.boxes, boxes])
+        common, volume = common_boxes(boxes, table), (table[:, 3:6] - table[:, :3]).prod(1)
+        union = volume[tried:, None] + volume - common
+        ratio = np.minimum(boxes[:, 6:], table[:, 6]) / np.maximum(boxes[:, 6:], table[:, 6])
+        alike = (common > 0.6 * union) & (ratio > SAME_SHARE)
+        new: list[int] = []
+        for index, region in enumerate(regions):
+            near = np.flatnonzero(alike[index, : tried + index])
+            if any(region.overlap(others[other]) > SAME_SHARE for other in near):
+                alike[:, tried + index] = False
+            else:
+                new.append(index)
+        return new

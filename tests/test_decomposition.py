@@ -11,11 +11,13 @@ from resfit.decomposition import msd
 from resfit.decomposition.coarse import coarsen, working_grid
 from resfit.decomposition.msd import peel
 from resfit.decomposition.propose import propose_regions
-from resfit.decomposition.region import Region, region_from_mask, without_duplicates
+from resfit.decomposition.region import Region, box_table, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
 from resfit.decomposition.runs import straight_parts
+from resfit.fitter.memory import CandidateMemory
 from resfit.kernels.cells import CellSet, squared_distances
 from resfit.kernels.morphology import components, deepest_core, largest_components
+from resfit.kernels.rows import empty_rows
 
 
 def cells(resolution: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -217,6 +219,28 @@ def test_duplicates_are_dropped_and_the_first_stays() -> None:
     ]
     assert [region.source for region in without_duplicates(regions)] == ["first", "third"]
     assert regions[0].overlap(regions[2]) == pytest.approx(900 / 1100)
+
+
+def test_memory_takes_the_regions_that_are_like_none_of_its_own(device: wp.Device) -> None:
+    def remembering(*regions: Region) -> CandidateMemory:
+        memory = CandidateMemory(lambda rows: np.zeros((len(rows), 4), bool), device)
+        memory.regions, memory.boxes = list(regions), box_table(regions)
+        memory.rows = [empty_rows(1) for _ in regions]
+        return memory
+
+    cube, hollow = np.ones((10, 10, 10), bool), np.ones((10, 10, 10), bool)
+    hollow[1:, 1:, 1:] = False
+    own = Region(np.array([4, 4, 4]), cube, 32, "own")
+    others = [
+        Region(np.array([4, 4, 4]), cube[:9], 32, "most of it"),
+        Region(np.array([12, 4, 4]), cube, 32, "elsewhere"),
+        Region(np.array([4, 4, 4]), hollow, 32, "its shell"),
+        Region(np.array([12, 4, 5]), cube[:, :, :9], 32, "most of elsewhere"),
+    ]
+    memory = remembering(own)
+    memory.take(remembering(*others))
+    assert [region.source for region in memory.regions] == ["own", "elsewhere", "its shell"]
+    assert len(memory.candidates()) == 3 and len(memory.boxes) == 3
 
 
 def test_components_smaller_than_asked_are_left_out() -> None:
