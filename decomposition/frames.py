@@ -78,10 +78,12 @@ def principal_axes(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     plane = np.stack([(sure + 1) % 3, (sure + 2) % 3], axis=1)
     flat = centred @ np.take_along_axis(axes, plane[:, None, :], axis=2)
     angles = np.arange(TURNS) * (0.5 * np.pi / TURNS)
-    cosine, sine = np.cos(angles), np.sin(angles)
-    along = flat[:, :, :1] * cosine + flat[:, :, 1:] * sine
-    across = flat[:, :, 1:] * cosine - flat[:, :, :1] * sine
-    area = np.ptp(along, axis=1) * np.ptp(across, axis=1)
+    one, two = np.ascontiguousarray(np.moveaxis(flat, 2, 0))
+    area = np.empty((len(points), TURNS))
+    # Turn by turn, so that a turn's coordinates stay in the cache.
+    for turn, (cosine, sine) in enumerate(zip(np.cos(angles), np.sin(angles), strict=True)):
+        along, across = one * cosine + two * sine, two * cosine - one * sine
+        area[:, turn] = np.ptp(along, axis=1) * np.ptp(across, axis=1)
     area[:, 0] *= 0.98
     chosen = angles[area.argmin(axis=1)]
     first, second = (np.take_along_axis(axes, plane[:, None, k : k + 1], axis=2)[:, :, 0] for k in (0, 1))
@@ -112,11 +114,12 @@ def place(points: np.ndarray, axes: np.ndarray, half_cell: np.ndarray) -> Placem
     local = points @ axes
     low, high = robust_bounds(local, missing_margin(axes, half_cell))
     middle, extent = 0.5 * (low + high), np.maximum(high - low, half_cell[:, None])
-    local -= middle[:, None, :]
+    # Coordinate by coordinate, (3, R, m): everything below then runs along memory.
+    local = np.moveaxis(local, 2, 0) - middle.T[:, :, None]
     centre = (axes @ middle[:, :, None])[:, :, 0]
     sizes = extent[:, CYCLES]
-    hole = np.stack([_hole_share(local[:, :, c], extent[:, c], half_cell) for c in CYCLES], axis=1)
-    taper = np.stack([_taper_ratio(local[:, :, c], extent[:, c]) for c in CYCLES], axis=1)
+    hole = np.stack([_hole_share(local[c], extent[:, c], half_cell) for c in CYCLES], axis=1)
+    taper = np.stack([_taper_ratio(local[c], extent[:, c]) for c in CYCLES], axis=1)
     turned = np.stack([axes[:, :, c] for c in CYCLES], axis=1)
     return Placements(turned, np.repeat(centre[:, None, :], 3, axis=1), sizes, hole, taper)
 
@@ -124,8 +127,8 @@ def place(points: np.ndarray, axes: np.ndarray, half_cell: np.ndarray) -> Placem
 def _hole_share(local: np.ndarray, size: np.ndarray, half_cell: np.ndarray) -> np.ndarray:
     # Distance of a point from the medial axis of a fully rounded profile, as a share of the inset radius.
     inset = 0.5 * np.minimum(size[:, 0], size[:, 1])
-    core = np.maximum(np.abs(local[:, :, :2]) - (0.5 * size[:, :2] - inset[:, None])[:, None, :], 0.0)
-    square = (core * core).sum(axis=2)
+    core = np.maximum(np.abs(local[:2]) - (0.5 * size[:, :2] - inset[:, None]).T[:, :, None], 0.0)
+    square = core[0] * core[0] + core[1] * core[1]
     skip = int(2 * TAIL * square.shape[1])
     nearest = np.sqrt(np.partition(square, skip, axis=1)[:, skip])
     return np.clip((nearest - 0.5 * half_cell) / inset, 0.0, 0.95)
@@ -133,8 +136,8 @@ def _hole_share(local: np.ndarray, size: np.ndarray, half_cell: np.ndarray) -> n
 
 def _taper_ratio(local: np.ndarray, size: np.ndarray) -> np.ndarray:
     # Spread across the axis in the lowest and highest third, carried on from their middles to the ends.
-    spread = np.abs(local[:, :, :2]).sum(axis=2)
-    height = local[:, :, 2] / size[:, 2:]
+    spread = np.abs(local[0]) + np.abs(local[1])
+    height = local[2] / size[:, 2:]
     upper, lower = height > 1.0 / 6.0, height < -1.0 / 6.0
     top = (spread * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
     bottom = (spread * lower).sum(axis=1) / np.maximum(lower.sum(axis=1), 1)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import ndimage
 
-from ..kernels.cells import true_cells
+from ..kernels.cells import coordinates, true_cells
 
 SAME_SHARE = 0.9
 """Two regions that share more than this of their union are one proposal."""
@@ -42,10 +42,10 @@ class Region:
 
     def sample(self, count: int) -> np.ndarray:
         """At most `count` of the centres, spread evenly over the region; always the same ones."""
-        index = true_cells(self.mask)
-        if index.shape[1] > count:
-            index = index.take(spread_indices(index.shape[1], count), axis=1)
-        return self.centres_of(index)
+        cells = np.flatnonzero(self.mask)
+        if len(cells) > count:
+            cells = cells[spread_indices(len(cells), count)]
+        return self.centres_of(coordinates(cells, self.mask.shape))
 
     def centres_of(self, index: np.ndarray) -> np.ndarray:
         """Centres (k, 3) float32, normalised frame, of cells (3, k) of the mask."""
@@ -57,8 +57,9 @@ class Region:
 
     def covariance(self) -> np.ndarray:
         """Covariance (3, 3) of the cells' centres, normalised frame: of all of them, unlike that of a sample."""
-        # Sums over one axis hold all first and second moments.
-        xy, xz, yz = (self.mask.sum(axis=axis, dtype=np.int32).astype(np.float64) for axis in (2, 1, 0))
+        # Sums over one axis hold all first and second moments; the narrower the type, the faster they are.
+        mask, narrow = self.mask.view(np.uint8), np.min_scalar_type(max(self.mask.shape))
+        xy, xz, yz = (mask.sum(axis=axis, dtype=narrow).astype(np.float64) for axis in (2, 1, 0))
         places = [np.arange(size, dtype=np.float64) for size in self.mask.shape]
         masses = [xy.sum(axis=1), xy.sum(axis=0), yz.sum(axis=0)]
         centre = [mass @ place / self.volume for mass, place in zip(masses, places, strict=True)]
@@ -97,8 +98,12 @@ def spread_indices(length: int, count: int) -> np.ndarray:
 
     Evenly spaced ones would fall in step with the rows of a grid.
     """
-    shares = np.arange(count) + np.random.default_rng(_JITTER_SEED).random(count)
-    return (shares * (length / count)).astype(np.int64)
+    return (_jittered(count) * (length / count)).astype(np.int64)
+
+
+@cache
+def _jittered(count: int) -> np.ndarray:
+    return np.arange(count) + np.random.default_rng(_JITTER_SEED).random(count)
 
 
 def region_from_mask(mask: np.ndarray, lower: np.ndarray, resolution: int, source: str) -> Region | None:

@@ -83,10 +83,16 @@ class CellSet:
 
 def true_cells(mask: np.ndarray) -> np.ndarray:
     """Coordinates (3, m) int32 of the true cells of a mask (a, b, c), in the order of the grid."""
-    found = np.flatnonzero(mask).astype(np.int32)
-    row = found // mask.shape[2]
-    x = row // mask.shape[1]
-    return np.stack([x, row - x * mask.shape[1], found - row * mask.shape[2]])
+    return coordinates(np.flatnonzero(mask), mask.shape)
+
+
+def coordinates(flat: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Coordinates (3, m) int32 of cells by their flat indices (m,) into a grid."""
+    # NumPy divides narrow numbers by one number several times as fast as `unravel_index` does.
+    flat = flat.astype(np.int32)
+    row = flat // shape[2]
+    x = row // shape[1]
+    return np.stack([x, row - x * shape[1], flat - row * shape[2]])
 
 
 def crop(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
