@@ -13,6 +13,7 @@ from resfit.errors import InputError
 
 from .region import Region, region_from_mask, without_duplicates
 from .residual import find_residual
+from .target_cells import target_cells
 
 THRESHOLD = 0.05
 """CoACD's concavity at which a piece is convex enough: its own default."""
@@ -36,7 +37,7 @@ def propose_convex_regions(
     Raises:
         InputError: if the package is not installed.
     """
-    residual = find_residual(grid, explained)
+    residual = find_residual(target_cells(grid), explained)
     if residual is None:
         return []
     solid = residual.depth > 0.0

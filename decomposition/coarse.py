@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
-from ..kernels.cells import CellSet
+from ..kernels.cells import CellSet, cells_of
 from .region import Region, region_from_mask
 from .residual import SMALLEST_VOLUME, Residual
 
@@ -23,30 +23,33 @@ COARSE_SHARE = 0.93
 class WorkingGrid:
     """A residual at the resolution that it is taken apart at."""
 
-    depth: np.ndarray
-    """(a, b, c) float32, contiguous, in cells of this grid; 0 or less outside the residual."""
     residual: Residual
     """At full resolution; cell [0, 0, 0] of both begins at the same corner."""
-    coarse: bool
-    """Whether cells are twice those of the residual."""
+    coarse: np.ndarray | None
+    """(a, b, c) float32, depth in cells twice those of the residual, 0 or less outside of it; None for its own."""
 
     @cached_property
     def cells(self) -> CellSet:
         """The solid cells of this grid."""
-        return CellSet(self.depth > 0.0) if self.coarse else self.residual.cells
+        return self.residual.cells if self.coarse is None else cells_of(self.coarse > 0.0)
+
+    @property
+    def depths(self) -> np.ndarray:
+        """Depth (m,) float32 of each, in cells of this grid."""
+        return self.residual.depths if self.coarse is None else self.coarse[self.coarse > 0.0]
 
     def region(self, places: np.ndarray, source: str) -> Region | None:
         """The fine region of some of the cells, (k,) places in `cells`; None if it is too small."""
-        if not self.coarse:
+        if self.coarse is None:
             return self.residual.region(places, source)
         lower, part = self.cells.crop(places)
         # One cell more on every side, for the fringe.
         begin = np.maximum(lower - 1, 0)
-        end = np.minimum(lower + part.shape + 1, self.depth.shape)
+        end = np.minimum(lower + part.shape + 1, self.coarse.shape)
         wide = tuple(slice(low, high) for low, high in zip(begin, end, strict=True))
         fine = tuple(slice(2 * low, 2 * high) for low, high in zip(begin, end, strict=True))
         part = np.pad(part, np.stack([lower - begin, end - lower - part.shape], axis=1))
-        mask = refine_mask(part, self.depth[wide], self.residual.depth[fine] > 0.0)
+        mask = refine_mask(part, self.coarse[wide], self.residual.depth[fine] > 0.0)
         residual = self.residual
         region = region_from_mask(mask, residual.lower + 2 * begin, residual.resolution, source)
         return region if region is not None and region.volume >= SMALLEST_VOLUME else None
@@ -54,10 +57,7 @@ class WorkingGrid:
 
 def working_grid(residual: Residual) -> WorkingGrid:
     """The coarse grid of a big residual, else its own."""
-    coarse = coarsen(residual) if residual.volume > COARSE_VOLUME else None
-    if coarse is None:
-        return WorkingGrid(residual.depth, residual, False)
-    return WorkingGrid(coarse, residual, True)
+    return WorkingGrid(residual, coarsen(residual) if residual.volume > COARSE_VOLUME else None)
 
 
 def coarsen(residual: Residual) -> np.ndarray | None:

@@ -46,9 +46,8 @@ def decompose(
         Regions with source "msd <fraction>"; some may be equal.
     """
     cells, regions = grid.cells, []
-    depth = grid.depth[tuple(cells.index)]
     for fraction in fractions:
-        for part in peel(cells, depth, fraction, device, iterations):
+        for part in peel(cells, grid.depths, fraction, device, iterations):
             region = grid.region(part, f"msd {fraction:g}")
             if region is not None:
                 regions.append(region)

@@ -6,27 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.cells import CellSet, Survey, crop, survey_parts, true_cells
-from .region import Region, true_box
+from ..kernels.cells import Survey, crop, survey_parts, true_cells
+from .region import Region
+from .target_cells import TargetCells
 
 SMALLEST = 24
 """Cells below which a part is not worth another look."""
 
 
 @dataclass(frozen=True)
-class TargetCells:
-    """The cells of a target, and those of half the resolution that hold any, at whose centres owners are found."""
+class CoarseCells:
+    """The cells of half the resolution that hold any of a target's, at whose centres owners are found."""
 
-    cells: CellSet
-    """On the target's box."""
-    lower: np.ndarray
-    """(3,) int32, the box's first cell."""
-    resolution: int
-    """Cells along a side of the whole grid."""
     centres: np.ndarray
-    """(k, 3) float32 of the coarse cells, normalised frame."""
-    coarse: np.ndarray
-    """(m,) the coarse cell that each cell is in."""
+    """(k, 3) float32, normalised frame."""
+    around: np.ndarray
+    """(m,) the coarse cell that each cell of the target is in."""
 
 
 @dataclass(frozen=True)
@@ -42,26 +37,21 @@ class Parts:
     """Their boxes and contacts."""
 
 
-def target_cells(grid: np.ndarray) -> TargetCells:
-    """The cells of a target from its signed distances (n, n, n), n even."""
-    resolution, half = len(grid), len(grid) // 2
-    inside = grid < 0
-    box = true_box(inside) or (slice(0),) * 3
-    lower = np.array([edge.start or 0 for edge in box], np.int32)
-    cells = CellSet(inside[box])
-    x, y, z = (cells.index + lower[:, None]) // 2
+def coarse_cells(target: TargetCells) -> CoarseCells:
+    """The coarse cells of a target on a grid of an even number of cells."""
+    half = target.resolution // 2
+    x, y, z = (target.cells.index + target.lower[:, None]) // 2
     flat = (x * half + y) * half + z
     held = np.zeros(half**3, bool)
     held[flat] = True
     index = np.stack(np.unravel_index(np.flatnonzero(held), (half, half, half)), 1)
     centres = (-1.0 + (index + 0.5) * (2.0 / half)).astype(np.float32)
-    return TargetCells(cells, lower, resolution, centres, (np.cumsum(held) - 1)[flat])
+    return CoarseCells(centres, (np.cumsum(held) - 1)[flat])
 
 
-def find_parts(target: TargetCells, owner: np.ndarray, count: int) -> Parts:
-    """The parts of a target that `count` primitives hold, given the one (k,) nearest to each coarse cell's centre."""
+def divide(target: TargetCells, part: np.ndarray, count: int) -> Parts:
+    """The parts of a target that `count` primitives hold, given the one (m,) int32 that each cell belongs to."""
     cells = target.cells
-    part = owner.astype(np.int32)[target.coarse]
     labels = np.full(cells.shape, -1, np.int16)
     labels[tuple(cells.index)] = part
     return Parts(target, labels, np.bincount(part, minlength=count), survey_parts(cells, part, count))

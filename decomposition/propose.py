@@ -15,6 +15,7 @@ from .region import Region, without_duplicates
 from .residual import find_residual, residual_components
 from .runs import straight_parts
 from .sections import section_parts
+from .target_cells import TargetCells, target_cells
 
 FRACTIONS = (0.005, 0.03, 0.12)
 """Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
@@ -36,11 +37,11 @@ def propose_regions(
     Returns:
         Regions of at least 12 cells, none nearly equal to another, largest first. Same input, same regions.
     """
-    return largest_parts(find_parts(grid, explained, most=most, **options), most)
+    return largest_parts(find_parts(target_cells(grid), explained, most=most, **options), most)
 
 
 def find_parts(
-    grid: np.ndarray,
+    target: TargetCells,
     explained: np.ndarray | None,
     *,
     first_round: bool,
@@ -54,7 +55,8 @@ def find_parts(
     """What `propose_regions` picks from: regions of which some are alike, kind by kind.
 
     Args:
-        grid, explained: see there.
+        target: its cells.
+        explained: see there.
         first_round: propose the whole residual as one region too.
         device: where distances are measured.
         blocks: propose a tree of boxes' pieces.
@@ -63,7 +65,7 @@ def find_parts(
         fractions: volume fractions of the morphological decompositions.
         most: connected components at most.
     """
-    residual = find_residual(grid, explained)
+    residual = find_residual(target, explained)
     if residual is None:
         return []
     found = [residual.region(residual.cells.all_places(), "solid")] if first_round else []

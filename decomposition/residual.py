@@ -9,7 +9,8 @@ import numpy as np
 
 from ..kernels.cells import CellSet
 from ..kernels.morphology import largest_components
-from .region import Region, true_box
+from .region import Region
+from .target_cells import TargetCells
 
 NOISE_SHELL = 1.5
 """Cells between the target's surface and the assembly's up to which what lies between them is noise. Every fitted
@@ -21,21 +22,36 @@ SMALLEST_VOLUME = 12
 
 @dataclass(frozen=True)
 class Residual:
-    """Depth of the cells that are inside the target and outside the assembly, on the box that holds them."""
+    """The cells that are inside the target and outside the assembly, and the box that holds them."""
 
-    depth: np.ndarray
-    """(a, b, c) float32, contiguous: distance in cells to what is not residual; 0 or less outside of it."""
+    target: TargetCells
+    explained: np.ndarray | None
+    """(n, n, n) float32, signed distance of the assembly at the target's cells; None if there is none."""
     lower: np.ndarray
-    """(3,) int32, the cell at [0, 0, 0] of `depth`."""
-    resolution: int
-    """Cells along a side of the whole grid."""
-    volume: int
-    """Number of residual cells."""
+    """(3,) int32, first cell of the box."""
+    cells: CellSet
+    """On the box."""
+    depths: np.ndarray
+    """(m,) float32, distance of each to what is not residual, in cells."""
+
+    @property
+    def resolution(self) -> int:
+        """Cells along a side of the whole grid."""
+        return self.target.resolution
+
+    @property
+    def volume(self) -> int:
+        """Number of residual cells."""
+        return len(self.cells)
 
     @cached_property
-    def cells(self) -> CellSet:
-        """The residual cells."""
-        return CellSet(self.depth > 0.0)
+    def depth(self) -> np.ndarray:
+        """(a, b, c) float32, contiguous: `depths` on the whole box, 0 or less outside the residual."""
+        box = tuple(slice(low, low + size) for low, size in zip(self.lower, self.cells.shape, strict=True))
+        depth = self.target.grid[box] * np.float32(-0.5 * self.resolution)
+        if self.explained is not None:
+            depth = unexplained_depth(depth, self.explained[box], self.resolution)
+        return np.ascontiguousarray(depth, np.float32)
 
     def region(self, places: np.ndarray, source: str) -> Region | None:
         """The region of some of the cells, (k,) places in `cells`; None if it is too small to be worth a primitive."""
@@ -45,7 +61,7 @@ class Residual:
         return Region(self.lower + lower, mask, self.resolution, source)
 
 
-def find_residual(grid: np.ndarray, explained: np.ndarray | None = None) -> Residual | None:
+def find_residual(target: TargetCells, explained: np.ndarray | None = None) -> Residual | None:
     """The residual of a target and an assembly.
 
     A cell counts where it is inside the target, outside the assembly, and the two surfaces are more than NOISE_SHELL
@@ -54,32 +70,32 @@ def find_residual(grid: np.ndarray, explained: np.ndarray | None = None) -> Resi
     cell, the assembly is far away, and the part counts in spite of its small depth.
 
     Args:
-        grid: (n, n, n) float32, signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
-        explained: the same of the assembly, None if there is none yet.
+        target: its cells.
+        explained: (n, n, n) float32, signed distance of the assembly at the cell centres, None if there is none yet.
 
     Returns:
         The residual on the box that holds it; None if there is none.
     """
-    resolution = len(grid)
-    box = true_box(grid < 0.0)
-    if box is None:
-        return None
-    cells = 0.5 * resolution
-    depth = grid[box] * np.float32(-cells)
-    lower = np.array([edge.start for edge in box], np.int32)
+    cells, lower, depth = target.cells, target.lower, target.depth
     if explained is not None:
-        # An empty assembly is 1e30 away; nothing in the cube is further than 4.
-        away = np.minimum(explained[box], 4.0) * np.float32(cells)
-        noise = (depth + away) <= NOISE_SHELL
-        depth = np.minimum(depth, away)
-        depth[noise] = np.minimum(depth[noise], 0.0)
-        inner = true_box(depth > 0.0)
-        if inner is None:
-            return None
-        depth = depth[inner]
-        lower = lower + np.array([edge.start for edge in inner], np.int32)
-    depth = np.ascontiguousarray(depth, np.float32)
-    return Residual(depth, lower, resolution, int(np.count_nonzero(depth > 0.0)))
+        depth = unexplained_depth(depth, explained.reshape(-1)[target.flat], target.resolution)
+        left = np.flatnonzero(depth > 0.0)
+        depth, index = depth[left], cells.at(left)
+        if len(left):
+            begin = index.min(axis=1)
+            lower = lower + begin
+            cells = CellSet(index - begin[:, None], tuple(index.max(axis=1) + 1 - begin))
+    return Residual(target, explained, lower, cells, depth) if len(depth) else None
+
+
+def unexplained_depth(depth: np.ndarray, away: np.ndarray, resolution: int) -> np.ndarray:
+    """Depth of cells as residual, from their depth in the target, in cells, and their distance from the assembly."""
+    # An empty assembly is 1e30 away; nothing in the cube is further than 4.
+    away = np.minimum(away, 4.0) * np.float32(0.5 * resolution)
+    noise = (depth + away) <= NOISE_SHELL
+    depth = np.minimum(depth, away)
+    depth[noise] = np.minimum(depth[noise], 0.0)
+    return depth
 
 
 def residual_components(residual: Residual, smallest: int = SMALLEST_VOLUME, most: int = 64) -> list[Region]:

@@ -205,7 +205,7 @@ class Track(Workbench):
         """Parts of what is unexplained, with or without slabs."""
         propose = self.config.propose
         return find_parts(
-            self.target.grid,
+            self.target_cells,
             self.field,
             first_round=not len(self.rows),
             device=self.device,

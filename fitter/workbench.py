@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..decomposition.neighbours import find_parts, halves, neighbour_pairs, part_regions, target_cells
+from ..decomposition.neighbours import coarse_cells, divide, halves, neighbour_pairs, part_regions
 from ..decomposition.region import Region
+from ..decomposition.target_cells import target_cells
 from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
 from ..kernels.points import PointBlocks, any_in_blocks, from_grid_blocks, grid_blocks, point_blocks
@@ -69,7 +70,8 @@ class Workbench:
         self.inside_count = np.count_nonzero(self.inside_target)
         self.grid_wanted = wp.array(any_in_blocks(self.inside_target), dtype=int, device=device)
         self.target_cells = target_cells(target.grid)
-        self.coarse_blocks = point_blocks(self.target_cells.centres, device)
+        self.coarse_cells = coarse_cells(self.target_cells)
+        self.coarse_blocks = point_blocks(self.coarse_cells.centres, device)
         self.price = self.alpha = config.parsimony
         self.timings: dict[str, float] = {}
         self.positions, self.place = [0.0], 0
@@ -167,7 +169,8 @@ class Workbench:
         """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
         count, settings = len(self.rows), self.config.propose
         values = values_at(self.rows, self.families(self.rows), self.coarse_blocks, self.device)
-        parts = find_parts(self.target_cells, values.argmin(0), count)
+        owner = values.argmin(0).astype(np.int32)
+        parts = divide(self.target_cells, owner[self.coarse_cells.around], count)
         pairs = neighbour_pairs(parts)[: settings.merges]
         worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
         singles = part_regions(parts, [(int(k),) for k in worst], "part")

@@ -24,18 +24,17 @@ BLOCK = 64
 
 
 class CellSet:
-    """The true cells of a mask, in the order of its grid. The place of a cell is its number in that order.
+    """Some cells of a grid, in its order. The place of a cell is its number in that order.
 
     Attributes:
         shape: (a, b, c) of the grid.
         index: (3, m) int32, the cells' coordinates.
     """
 
-    def __init__(self, mask: np.ndarray):
-        """Of a mask (a, b, c) bool."""
-        self.shape = mask.shape
-        self.index = true_cells(mask)
-        bordered = [size + 2 * BORDER for size in mask.shape]
+    def __init__(self, index: np.ndarray, shape: tuple[int, ...]):
+        """Of coordinates (3, m) int32, in order, in a grid of a shape."""
+        self.shape, self.index = shape, index
+        bordered = [size + 2 * BORDER for size in shape]
         self.strides = np.array([bordered[1] * bordered[2], bordered[2], 1], np.int32)
         self._flat = sum(step * (line + BORDER) for step, line in zip(self.strides, self.index, strict=True))
         self._place_at = np.full(np.prod(bordered), -1, np.int32)
@@ -79,6 +78,11 @@ class CellSet:
             seconds_per_thread=4e-9,
         )
         return lengths
+
+
+def cells_of(mask: np.ndarray) -> CellSet:
+    """The true cells of a mask (a, b, c)."""
+    return CellSet(true_cells(mask), mask.shape)
 
 
 def true_cells(mask: np.ndarray) -> np.ndarray:

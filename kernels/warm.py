@@ -9,7 +9,7 @@ import warp as wp
 
 from .adjoint import differentiable_union
 from .camera import frame_bounds
-from .cells import CellSet, squared_distances
+from .cells import cells_of, squared_distances
 from .culling import cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
@@ -87,7 +87,7 @@ def _warm_grids(device: wp.Device) -> None:
     render_mesh(vertices, faces, camera, 16, 12, samples=1, device=device)
     inside = wp.array(grid.distance.numpy() < 0, dtype=wp.bool, device=device)
     signed_distance_transform(inside)
-    solid = CellSet(np.ones((4, 4, 4), bool))
+    solid = cells_of(np.ones((4, 4, 4), bool))
     deepest_core(solid, np.ones(len(solid), np.float32), 1)
     solid.run_lengths()
     squared_distances(solid.index, solid.index, device)

@@ -14,8 +14,9 @@ from resfit.decomposition.propose import propose_regions
 from resfit.decomposition.region import Region, box_table, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
 from resfit.decomposition.runs import straight_parts
+from resfit.decomposition.target_cells import target_cells
 from resfit.fitter.memory import CandidateMemory
-from resfit.kernels.cells import CellSet, squared_distances
+from resfit.kernels.cells import cells_of, squared_distances
 from resfit.kernels.morphology import components, deepest_core, largest_components
 from resfit.kernels.rows import empty_rows
 
@@ -63,7 +64,7 @@ def share(a: np.ndarray, b: np.ndarray) -> float:
 
 def peeled(solid: np.ndarray, fraction: float, device: wp.Device) -> list[np.ndarray]:
     """Masks of the parts of a 64^3 solid."""
-    solid_cells = CellSet(solid < 0)
+    solid_cells = cells_of(solid < 0)
     masks = []
     for part in peel(solid_cells, -32 * solid[solid < 0].astype(np.float32), fraction, device):
         masks.append(np.zeros(solid.shape, bool))
@@ -107,10 +108,10 @@ def test_corners_of_a_box_go_with_it(device: wp.Device) -> None:
 def test_noise_round_a_fitted_surface_is_no_residual(rng: np.random.Generator, device: wp.Device) -> None:
     solid = ball((0, 0, 0), 0.6).astype(np.float32)
     explained = (solid + (2 / 64) * rng.uniform(0.0, 0.9, solid.shape)).astype(np.float32)
-    assert find_residual(solid, explained) is None
+    assert find_residual(target_cells(solid), explained) is None
     assert propose_regions(solid, explained, first_round=False, device=device) == []
     # A ball of a quarter of the radius less leaves a thick shell, which is no noise.
-    thick = find_residual(solid, ball((0, 0, 0), 0.45).astype(np.float32))
+    thick = find_residual(target_cells(solid), ball((0, 0, 0), 0.45).astype(np.float32))
     assert thick is not None and thick.volume > 10_000
 
 
@@ -172,7 +173,7 @@ def test_deepest_core_is_what_labelling_every_level_finds(
     rng: np.random.Generator, device: wp.Device
 ) -> None:
     depth = ndimage.gaussian_filter(rng.normal(size=(20, 17, 23)), 1.5).astype(np.float32) * 20
-    solid = CellSet(depth > 0)
+    solid = cells_of(depth > 0)
     for volume in (1, 7, 40, 300):
         core = deepest_core(solid, depth[depth > 0], volume)
         assert core is not None
@@ -187,8 +188,8 @@ def test_deepest_core_is_what_labelling_every_level_finds(
 
 
 def test_coarse_grid_is_refused_where_parts_would_vanish() -> None:
-    thick = find_residual(box((-0.5, -0.4, -0.3), (0.5, 0.4, 0.3)).astype(np.float32))
-    thin = find_residual(box((-0.6, -0.6, 0.0), (0.6, 0.6, 0.03)).astype(np.float32))
+    thick = find_residual(target_cells(box((-0.5, -0.4, -0.3), (0.5, 0.4, 0.3)).astype(np.float32)))
+    thin = find_residual(target_cells(box((-0.6, -0.6, 0.0), (0.6, 0.6, 0.03)).astype(np.float32)))
     assert thick is not None and coarsen(thick) is not None
     assert thin is not None and coarsen(thin) is None
 
@@ -244,7 +245,7 @@ def test_memory_takes_the_regions_that_are_like_none_of_its_own(device: wp.Devic
 
 
 def test_components_smaller_than_asked_are_left_out() -> None:
-    residual = find_residual(grid(ball((0, 0, 0), 0.3), ball((0.7, 0, 0), 0.08)))
+    residual = find_residual(target_cells(grid(ball((0, 0, 0), 0.3), ball((0.7, 0, 0), 0.08))))
     assert residual is not None
     assert len(residual_components(residual)) == 2
     assert len(residual_components(residual, smallest=100)) == 1
@@ -256,7 +257,7 @@ def test_walls_of_one_thickness_come_apart_as_plates(wall: float) -> None:
     outer = box((-0.7, -0.6, -0.5), (0.7, 0.6, 0.5))
     inner = box((-0.7 + wall, -0.6 + wall, -0.5 + wall), (0.7 - wall, 0.6 - wall, 0.5 - wall))
     hollow = grid(np.maximum(outer, -inner))
-    residual = find_residual(hollow)
+    residual = find_residual(target_cells(hollow))
     assert residual is not None
     plates = [region for region in straight_parts(working_grid(residual)) if region.source == "plate"]
     x, _, _ = cells()
@@ -268,7 +269,7 @@ def test_walls_of_one_thickness_come_apart_as_plates(wall: float) -> None:
 def test_frame_comes_apart_as_beams() -> None:
     legs = [box((x, y, -0.6), (x + 0.12, y + 0.12, 0.5)) for x in (-0.6, 0.4) for y in (-0.5, 0.3)]
     rail = box((-0.5, -0.48, 0.0), (0.5, -0.4, 0.08))
-    residual = find_residual(grid(*legs, rail))
+    residual = find_residual(target_cells(grid(*legs, rail)))
     assert residual is not None
     beams = [paint(part) for part in straight_parts(working_grid(residual)) if part.source == "beam"]
     for leg in legs:
@@ -280,7 +281,7 @@ def test_run_lengths_count_unbroken_cells() -> None:
     for axis in range(3):
         shape = np.ones(3, int)
         shape[axis] = len(line)
-        lengths = CellSet(line.reshape(shape)).run_lengths()
+        lengths = cells_of(line.reshape(shape)).run_lengths()
         assert lengths[axis].tolist() == [2, 2, 3, 3, 3, 1]
         assert (lengths[axis - 1] == 1).all() and (lengths[axis - 2] == 1).all()
 
@@ -289,7 +290,7 @@ def test_run_lengths_count_unbroken_cells() -> None:
 def test_components_are_what_labelling_the_grid_finds(rng: np.random.Generator, full: bool) -> None:
     mask = rng.random((14, 9, 11)) < 0.35
     halves = np.broadcast_to(np.arange(14)[:, None, None] >= 6, mask.shape)
-    solid_cells = CellSet(mask)
+    solid_cells = cells_of(mask)
     key = halves[mask].astype(np.int32)
     neighbours = np.ones((3, 3, 3), bool) if full else None
     for half in (0, 1):
@@ -305,7 +306,7 @@ def test_components_are_what_labelling_the_grid_finds(rng: np.random.Generator, 
 
 def test_crop_and_neighbours_of_listed_cells(rng: np.random.Generator) -> None:
     mask = rng.random((6, 7, 5)) < 0.4
-    solid_cells = CellSet(mask)
+    solid_cells = cells_of(mask)
     lower, cropped = solid_cells.crop(solid_cells.all_places()[3:9])
     assert (np.argwhere(cropped) + lower == np.argwhere(mask)[3:9]).all()
     for axis, step in ((0, 3), (1, -2), (2, 1)):

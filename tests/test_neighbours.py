@@ -8,13 +8,14 @@ from test_decomposition import ball, box, grid, paint
 
 from resfit.decomposition.neighbours import (
     Parts,
-    find_parts,
+    coarse_cells,
+    divide,
     halves,
     neighbour_pairs,
     part_regions,
-    target_cells,
 )
 from resfit.decomposition.region import Region, true_box
+from resfit.decomposition.target_cells import target_cells
 
 PLACES = np.array([[-0.5, 0, 0], [0.1, 0, 0], [0.6, 0, 0], [0.9, 0.9, 0.9]])
 """Whoever is nearest of these holds a cell; nobody is near the last one."""
@@ -37,8 +38,9 @@ def labels(solid: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def parts(solid: np.ndarray) -> Parts:
     target = target_cells(solid)
-    owner = np.linalg.norm(target.centres[:, None] - PLACES, axis=-1).argmin(-1)
-    return find_parts(target, owner, len(PLACES))
+    coarse = coarse_cells(target)
+    owner = np.linalg.norm(coarse.centres[:, None] - PLACES, axis=-1).argmin(-1)
+    return divide(target, owner.astype(np.int32)[coarse.around], len(PLACES))
 
 
 def test_parts_are_the_cells_nearest_to_each_primitive(parts: Parts, labels: np.ndarray) -> None:

@@ -12,13 +12,14 @@ from resfit.decomposition.coarse import working_grid
 from resfit.decomposition.holes import hole_parts, rings
 from resfit.decomposition.residual import find_residual
 from resfit.decomposition.sections import section_cuts, section_parts
+from resfit.decomposition.target_cells import target_cells
 from resfit.fitter.config import preset_config
 from resfit.fitter.memory import CandidateMemory
 from resfit.fitter.merge import mergers
 from resfit.fitter.objective import ObjectiveSamples
 from resfit.fitter.probes import DRAWS, with_probes
 from resfit.fitter.workbench import Workbench
-from resfit.kernels.cells import CellSet
+from resfit.kernels.cells import cells_of
 from resfit.kernels.rows import SHAPES, empty_rows
 from resfit.target.target import make_target
 
@@ -30,7 +31,7 @@ def cylinder(radius: float, low: float, high: float) -> np.ndarray:
 
 
 def parts_of(solid: np.ndarray, find) -> list[np.ndarray]:
-    residual = find_residual(solid)
+    residual = find_residual(target_cells(solid))
     assert residual is not None
     return [paint(part) for part in find(working_grid(residual))]
 
@@ -46,11 +47,11 @@ def test_cup_comes_apart_into_foot_stem_floor_and_wall() -> None:
 
 def test_prism_has_no_cut_and_steps_have_one_each() -> None:
     prism = np.ones((20, 6, 6), bool)
-    assert section_cuts(CellSet(prism), 0) == []
+    assert section_cuts(cells_of(prism), 0) == []
     steps = prism.copy()
     steps[7:, 3:] = False
     steps[14:, :, 3:] = False
-    assert section_cuts(CellSet(steps), 0) == [7, 14]
+    assert section_cuts(cells_of(steps), 0) == [7, 14]
 
 
 def test_ring_is_as_wide_as_the_thin_wall_around_the_hole() -> None:
@@ -106,12 +107,12 @@ def test_probes_see_what_sticks_out(device: wp.Device) -> None:
 def test_box_tree_cuts_a_step_once_and_a_frame_at_both_sides() -> None:
     step = np.ones((20, 10, 10), bool)
     step[12:, 4:] = False
-    assert best_cuts(CellSet(step).index) == (0, [12])
+    assert best_cuts(cells_of(step).index) == (0, [12])
     ladder = np.zeros((40, 6, 20), bool)
     ladder[:, :, :4] = ladder[:, :, 16:] = True
     ladder[10:13, 2:4] = ladder[25:28, 2:4] = True
-    assert best_cuts(CellSet(ladder).index) == (2, [4, 16])
-    assert best_cuts(CellSet(np.ones((8, 8, 8), bool)).index) is None
+    assert best_cuts(cells_of(ladder).index) == (2, [4, 16])
+    assert best_cuts(cells_of(np.ones((8, 8, 8), bool)).index) is None
 
 
 def test_box_tree_finds_the_bars_of_a_chair() -> None:

@@ -75,9 +75,9 @@ def test_two_tracks_begin_with_one_decomposition(stool, device, monkeypatch):
     begun = []
     find_all = track.find_parts
 
-    def watch(grid, explained, **options):
+    def watch(target, explained, **options):
         begun.append(explained is None)
-        return find_all(grid, explained, **options)
+        return find_all(target, explained, **options)
 
     monkeypatch.setattr(track, "find_parts", watch)
     monkeypatch.setenv("RESFIT_THREADS", "1")
