@@ -55,11 +55,11 @@ def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
         store = (begin + k) * block_count * BLOCK_C + base
         f = frames[begin + k]
         s = tables[begin + k]
-        slow = float(-1.0)
+        slow = float(0.0)
         if wp.static(has_slow_zone):
             for j in range(BLOCK_C):
                 px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                slow = larger(slow, slow_zone(s, px, py, pz))
+                slow += larger(slow_zone(s, px, py, pz), 0.0)
         if slow > 0.0:
             for j in range(BLOCK_C):
                 px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
@@ -98,11 +98,11 @@ def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
                 blend = rows[k * ROW_C + BLEND_C]
                 gate = rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
-                slow = float(-1.0)
+                slow = float(0.0)
                 if wp.static(has_slow_zone):
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow = larger(slow, slow_zone(s, px, py, pz))
+                        slow += larger(slow_zone(s, px, py, pz), 0.0)
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])

@@ -2,8 +2,8 @@
 
 Residual of a point with target distance d and weight w: w (sigmoid(-beta F) - sigmoid(-beta d)), where F = f + offset
 is the union at the point and f its own primitive's distance; its row is the derivative through f alone, times `slope`
-= dF/df. With offset 0 and slope 1 the primitive stands alone. A block of points has one owner, so that a thread sums
-value, gradient, residual and all products in registers: no row is stored, no atomic is needed, the order is fixed.
+= dF/df. With offset 0 and slope 1 the primitive stands alone. A block of points has one owner, so that one thread makes
+its rows and sums their products: no row leaves the core, no atomic is needed, the order is fixed.
 Primitives may share points: many starts of one region read the same blocks.
 """
 
@@ -19,10 +19,10 @@ from .frame import Frame, to_local
 from .jacobian import TANGENT_C, jacobian_row
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .loss import occupancy
-from .owned_points import OWNER_BLOCK_C, OwnedPoints
+from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints
 from .primitive_set import PrimitiveSet
 from .primitives import family
-from .rows import Derivatives
+from .rows import DERIVATIVES_C, Derivatives
 from .small_solve import BLEND_UNKNOWN, RESIDUAL_C, SYSTEM_C
 from .small_solve import SYSTEM as SYSTEM
 from .vector_math import clamp_symmetric, larger
@@ -30,8 +30,18 @@ from .vector_math import clamp_symmetric, larger
 BLOCK_SECONDS = 2.5e-6
 """One block of one owner, on one core."""
 
-System = wp.types.matrix(shape=(SYSTEM, SYSTEM), dtype=float)
 SystemRow = wp.types.vector(length=SYSTEM, dtype=float)
+
+TILE = wp.constant(4)
+"""Rows and columns of a system that are summed at a time: as many sums as fit in a core's vector registers."""
+Tile = wp.types.matrix(shape=(4, 4), dtype=float)
+
+ENTRIES = 64
+ENTRIES_C = wp.constant(ENTRIES)
+"""Entries of a system that a thread adds up."""
+
+GPU_CHUNK = 32
+"""Points whose Jacobian rows a thread holds at a time on a GPU, where its fast memory is small."""
 
 STEEPEST = wp.constant(16.0)
 """Derivatives to position, height and bulge are clipped to this: at an arc's centre they are unbounded (spec section
@@ -73,9 +83,12 @@ def system_row(
 
 
 @cache
-def normal_equations_kernel(name: str) -> wp.Kernel:
-    """The kernel of the family `name`: value, gradient, residual and the sums of all their products over a block."""
-    module = f"resfit.kernels.normal_equations.{name}"
+def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
+    """The kernel of the family `name`: the sums of all products of the rows of a block of points.
+
+    A thread writes `chunk` rows into a local matrix and then sums products a tile at a time.
+    """
+    module = f"resfit.kernels.normal_equations.{name}.{chunk}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
     entry = family(name)
     table = entry.table
@@ -83,6 +96,8 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
     fast_grad = entry.fast_grad or entry.sdf_grad
     has_slow_zone = entry.slow_zone is not None
     slow_zone = entry.slow_zone or entry.sdf
+    chunk_c, chunk_count = wp.constant(chunk), OWNER_BLOCK // chunk
+    row_matrix = wp.types.matrix(shape=(SYSTEM, chunk), dtype=float)
 
     @wp.kernel(module=module)
     def sum_normal_equations_kernel(
@@ -106,44 +121,64 @@ def normal_equations_kernel(name: str) -> wp.Kernel:
     ):
         pair = first + wp.tid()
         k = owners[pair]
-        if k >= run[0] and k < run[1]:
-            base = point_blocks[pair] * OWNER_BLOCK_C
-            beta = betas[k]
-            f = frames[k]
-            s = tables[k]
-            total = System()
-            slow = float(-1.0)
+        if k < run[0] or k >= run[1]:
+            return
+        beta = betas[k]
+        f = frames[k]
+        s = tables[k]
+        at = pair * SYSTEM_C * SYSTEM_C
+        for entry in range(SYSTEM_C * SYSTEM_C):
+            out_systems[at + entry] = 0.0
+        # Bounds that are known at run time only keep the loops over chunks and tiles loops.
+        chunks = int(wp.static(chunk_count))
+        size = int(SYSTEM_C)
+        for number in range(chunks):
+            base = point_blocks[pair] * OWNER_BLOCK_C + number * chunk_c
+            rows = row_matrix()
+            slow = float(0.0)
             if wp.static(has_slow_zone):
-                for j in range(OWNER_BLOCK_C):
+                for j in range(chunk_c):
                     px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow = larger(slow, slow_zone(s, px, py, pz))
+                    slow += larger(slow_zone(s, px, py, pz), 0.0)
+            # The derivatives first, which become rows in the same place.
             if slow > 0.0:
-                for j in range(OWNER_BLOCK_C):
-                    i = base + j
-                    px, py, pz = to_local(f, x[i], y[i], z[i])
+                for j in range(chunk_c):
+                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
                     d = sdf_grad(s, px, py, pz)
-                    row = system_row(
-                        px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta
-                    )
-                    for a in range(SYSTEM_C):
-                        for b in range(a, SYSTEM_C):
-                            total[a, b] += row[a] * row[b]
+                    for m in range(DERIVATIVES_C):
+                        rows[m, j] = d[m]
             else:
-                for j in range(OWNER_BLOCK_C):
-                    i = base + j
-                    px, py, pz = to_local(f, x[i], y[i], z[i])
+                for j in range(chunk_c):
+                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
                     d = fast_grad(s, px, py, pz)
-                    row = system_row(
-                        px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta
-                    )
-                    for a in range(SYSTEM_C):
-                        for b in range(a, SYSTEM_C):
-                            total[a, b] += row[a] * row[b]
-            for a in range(SYSTEM_C):
-                for b in range(a, SYSTEM_C):
-                    out_systems[(pair * SYSTEM_C + a) * SYSTEM_C + b] = total[a, b]
+                    for m in range(DERIVATIVES_C):
+                        rows[m, j] = d[m]
+            for j in range(chunk_c):
+                i = base + j
+                px, py, pz = to_local(f, x[i], y[i], z[i])
+                d = Derivatives()
+                for m in range(DERIVATIVES_C):
+                    d[m] = rows[m, j]
+                row = system_row(px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta)
+                for a in range(SYSTEM_C):
+                    rows[a, j] = row[a]
+            for top in range(0, size, TILE):
+                for left in range(top, size, TILE):
+                    products = Tile()
+                    for j in range(chunk_c):
+                        for a in range(TILE):
+                            for b in range(TILE):
+                                products[a, b] += rows[top + a, j] * rows[left + b, j]
+                    for a in range(TILE):
+                        for b in range(TILE):
+                            out_systems[at + (top + a) * SYSTEM_C + left + b] += products[a, b]
 
     return sum_normal_equations_kernel
+
+
+def kernel_on(device: wp.Device, name: str) -> wp.Kernel:
+    """The kernel of the family `name` for a device: on the CPU a block's rows, all at once, stay in the cache."""
+    return normal_equations_kernel(name, OWNER_BLOCK if device.is_cpu else GPU_CHUNK)
 
 
 @wp.kernel(module=ADD)
@@ -154,18 +189,16 @@ def add_systems_kernel(
     # outputs
     out_systems: wp.array[float],
 ):
-    """Add one entry of one primitive's system over its blocks, in order, and mirror it."""
+    """Add some entries of one primitive's system over its blocks, in order."""
     t = first + wp.tid()
-    k = t / (SYSTEM_C * SYSTEM_C)
-    entry = t - k * SYSTEM_C * SYSTEM_C
-    a = entry / SYSTEM_C
-    b = entry - a * SYSTEM_C
-    if a <= b:
-        total = float(0.0)
-        for block in range(first_block[k], first_block[k + 1]):
-            total += systems[block * SYSTEM_C * SYSTEM_C + entry]
-        out_systems[t] = total
-        out_systems[(k * SYSTEM_C + b) * SYSTEM_C + a] = total
+    k = t / (SYSTEM_C * SYSTEM_C / ENTRIES_C)
+    part = t * ENTRIES_C
+    for j in range(ENTRIES_C):
+        out_systems[part + j] = 0.0
+    for block in range(first_block[k], first_block[k + 1]):
+        here = part + (block - k) * SYSTEM_C * SYSTEM_C
+        for j in range(ENTRIES_C):
+            out_systems[part + j] += systems[here + j]
 
 
 def partial_systems(points: OwnedPoints, device: wp.Device) -> wp.array:
@@ -181,14 +214,15 @@ def normal_equations_at(
     out_systems: wp.array,
     pair_count: int | Callable[[], int] | None = None,
 ) -> None:
-    """Fill `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is scratch.
+    """Fill the upper triangles of `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is
+    scratch.
 
     `pair_count` says how many pairs are in use where it is not all of them.
     """
     device = primitives.device
     for run in primitives.runs:
         launch(
-            normal_equations_kernel(run.family.name),
+            kernel_on(device, run.family.name),
             points.pair_count if pair_count is None else pair_count,
             [
                 points.x,
@@ -212,11 +246,11 @@ def normal_equations_at(
         )
     launch(
         add_systems_kernel,
-        len(primitives) * SYSTEM * SYSTEM,
+        len(primitives) * SYSTEM * SYSTEM // ENTRIES,
         [out_partial, points.first_block],
         [out_systems],
         device,
-        seconds_per_thread=1e-9 * points.pair_count / max(1, len(primitives)),
+        seconds_per_thread=5e-9 * points.pair_count / max(1, len(primitives)),
     )
 
 
@@ -238,4 +272,5 @@ def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float 
     if count:
         betas = wp.array(np.broadcast_to(np.float32(beta), count).copy(), dtype=float, device=device)
         normal_equations_at(primitives, points, betas, partial, systems)
-    return systems.numpy()[: count * SYSTEM * SYSTEM].reshape(-1, SYSTEM, SYSTEM)
+    upper = np.triu(systems.numpy()[: count * SYSTEM * SYSTEM].reshape(-1, SYSTEM, SYSTEM))
+    return upper + np.triu(upper, 1).transpose(0, 2, 1)

@@ -198,11 +198,11 @@ def find_owners_kernel(name: str) -> wp.Kernel:
             if k >= run[0] and k < run[1]:
                 f = frames[k]
                 s = tables[k]
-                slow = float(-1.0)
+                slow = float(0.0)
                 if wp.static(has_slow_zone):
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow = larger(slow, slow_zone(s, px, py, pz))
+                        slow += larger(slow_zone(s, px, py, pz), 0.0)
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])

@@ -37,14 +37,14 @@ from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
 from .launch import core_count, load_module
-from .normal_equations import add_systems_kernel, normal_equations_kernel
+from .normal_equations import add_systems_kernel, kernel_on
 from .ownership import find_owners_kernel
 from .primitive_set import derive_kernel
 
 Loads = list[Callable[[], wp.Module]]
 
 
-def modules_of_fit(family: str) -> Loads:
+def modules_of_fit(family: str, device: wp.Device) -> Loads:
     """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
     reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, cells, morphology]
     fitting = [steps, culling, occupancy, ownership, loss_points, loss_rows]
@@ -57,7 +57,7 @@ def modules_of_fit(family: str) -> Loads:
         return [lambda kernel=kernel: kernel().module for kernel in kernels]
 
     return [
-        *made(lambda: normal_equations_kernel(family)),
+        *made(lambda: kernel_on(device, family)),
         *named(reading),
         *made(lambda: derive_kernel(family), lambda: add_systems_kernel),
         *named(fitting),
@@ -73,7 +73,7 @@ def modules_of_fit(family: str) -> Loads:
 
 def prefetch(family: str, device: wp.Device) -> None:
     """Begin to load what a fit of one family needs, on as many threads as there are cores, and return at once."""
-    todo = modules_of_fit(family)
+    todo = modules_of_fit(family, device)
     lock = threading.Lock()
 
     def work() -> None:

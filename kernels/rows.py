@@ -36,5 +36,7 @@ SHAPE_C = wp.constant(SHAPE)
 TRANSLATION_C, ROTATION_C = wp.constant(TRANSLATION), wp.constant(ROTATION)
 SHAPES_C, BLEND_C, GATE_C = wp.constant(SHAPES), wp.constant(BLEND), wp.constant(GATE)
 
-Derivatives = wp.types.vector(length=4 + SHAPE, dtype=float)
+DERIVATIVES = 4 + SHAPE
+DERIVATIVES_C = wp.constant(DERIVATIVES)
+Derivatives = wp.types.vector(length=DERIVATIVES, dtype=float)
 """What a family's `sdf_grad` returns: the distance, its derivatives to the local point (3) and to the shape (SHAPE)."""

@@ -68,7 +68,7 @@ def damped_step(
     """The increment (count = UNKNOWNS of them) that lowers one system's residual, not yet limited in length.
 
     Args:
-        systems: SYSTEM x SYSTEM from index `system` on.
+        systems: SYSTEM x SYSTEM from index `system` on, of which the upper triangle is read.
         rows: of the primitive from index `row` on: shapes on a bound do not move further out.
         low, high: ranges of its shapes from index `bound` on; equal ones hold the shape.
         most_blend: largest blend radius; 0 holds all of them.
@@ -95,7 +95,7 @@ def damped_step(
                 held[i] = one
         b[i] = -wp.float64(slope) * (one - held[i])
         for j in range(i + 1):
-            a[i, j] = wp.float64(systems[system + i * SYSTEM_C + j]) * (one - held[i]) * (one - held[j])
+            a[i, j] = wp.float64(systems[system + j * SYSTEM_C + i]) * (one - held[i]) * (one - held[j])
         mean += a[i, i]
     # Directions that the points do not see stay finite; those that are held get a pivot of the system's own size.
     scale = mean / wp.float64(UNKNOWNS_C) + wp.float64(1.0e-12)

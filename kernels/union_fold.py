@@ -80,11 +80,11 @@ def _fold_kernel(entry: Family, module: str) -> wp.Kernel:
             value_at = wp.where(list_all != 0, at, base)
             f = frames[k]
             s = tables[k]
-            slow = float(-1.0)
+            slow = float(0.0)
             if wp.static(has_slow_zone):
                 for j in range(BLOCK_C):
                     px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow = larger(slow, slow_zone(s, px, py, pz))
+                    slow += larger(slow_zone(s, px, py, pz), 0.0)
             if slow > 0.0:
                 for j in range(BLOCK_C):
                     px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
@@ -171,11 +171,11 @@ def _unfold_kernel(entry: Family, module: str) -> wp.Kernel:
                 if heavy != 0.0:
                     f = frames[k]
                     s = tables[k]
-                    slow = float(-1.0)
+                    slow = float(0.0)
                     if wp.static(has_slow_zone):
                         for j in range(BLOCK_C):
                             px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                            slow = larger(slow, slow_zone(s, px, py, pz))
+                            slow += larger(slow_zone(s, px, py, pz), 0.0)
                     if slow > 0.0:
                         for j in range(BLOCK_C):
                             px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])

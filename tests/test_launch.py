@@ -110,11 +110,11 @@ def test_a_thread_keeps_to_its_cores(device, monkeypatch):
 def test_modules_of_a_fit_are_those_that_it_uses(device):
     """Nothing that a fit launches is missing from what is loaded ahead, the odd small module aside."""
     code = (
-        "import trimesh, resfit;"
+        "import trimesh, warp as wp, resfit;"
         "from resfit.kernels import launch, prefetch;"
         "from resfit.kernels.launch import choose_device;"
         "choose_device('cpu');"
-        "ahead = {make().name for make in prefetch.modules_of_fit('superfrustum')};"
+        "ahead = {make().name for make in prefetch.modules_of_fit('superfrustum', wp.get_device('cpu'))};"
         "resfit.fit(trimesh.creation.capsule(), preset='fast', device='cpu').preview();"
         "print(sorted(name for name, _ in launch._loaded if name not in ahead));"
         "print(sorted(ahead - {name for name, _ in launch._loaded}))"
