@@ -1,13 +1,14 @@
-"""One primitive's damped normal equations solved by one thread, in float64: LDL^T without pivoting.
+"""One primitive's damped normal equations solved by one thread, in float64: elimination without pivoting.
 
-The damping keeps every pivot positive. Loops have bounds that are known at run time only: Warp would unroll constant
-ones into thousands of lines.
+The damping keeps every pivot positive. Rows are worked on whole, so that they become vector code, although only the
+upper triangle means anything. Other loops have bounds that are known at run time only: Warp would unroll constant ones.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
+from .launch import VECTOR_OPTIONS
 from .rows import BLEND_C, SHAPE, SHAPES_C, TANGENT
 
 UNKNOWNS = TANGENT + 1
@@ -19,36 +20,37 @@ RESIDUAL = UNKNOWNS
 SYSTEM_C, RESIDUAL_C, UNKNOWNS_C = wp.constant(SYSTEM), wp.constant(RESIDUAL), wp.constant(UNKNOWNS)
 FIRST_SHAPE, BLEND_UNKNOWN = wp.constant(TANGENT - SHAPE), wp.constant(TANGENT)
 
-Matrix = wp.types.matrix(shape=(UNKNOWNS, UNKNOWNS), dtype=wp.float64)
-Unknowns = wp.types.vector(length=UNKNOWNS, dtype=wp.float64)
+System = wp.types.matrix(shape=(UNKNOWNS, SYSTEM), dtype=wp.float64)
+SystemRow = wp.types.vector(length=SYSTEM, dtype=wp.float64)
+
+SOLVER_OPTIONS = VECTOR_OPTIONS | {"max_unroll": 8}
+"""Module options of kernels that solve: loops over a row stay loops, which LLVM turns into vector code."""
 
 
 @wp.func
-def solve_symmetric(a: Matrix, b: Unknowns, count: int) -> Unknowns:
-    """x with A x = b for the leading `count` unknowns; only the lower triangle of the positive A is read."""
-    pivot = Unknowns()
-    x = Unknowns()
+def solve_symmetric(a: System, count: int) -> SystemRow:
+    """x with A x = b for the leading `count` unknowns, 0 for the others; b is the last column.
+
+    Only the upper triangle of the positive A is read.
+    """
+    x = SystemRow()
+    pivot = SystemRow()
+    inverse = SystemRow()
     for j in range(count):
-        d = a[j, j]
-        for m in range(j):
-            d -= a[j, m] * a[j, m] * pivot[m]
-        pivot[j] = d
-        inverse = wp.float64(1.0) / d
-        y = b[j]
-        for m in range(j):
-            y -= a[j, m] * x[m]
-        x[j] = y
+        inverse[j] = wp.float64(1.0) / a[j, j]
+        # A copy: a compiler cannot know that two rows of one matrix do not overlap.
+        for m in range(SYSTEM_C):
+            pivot[m] = a[j, m]
         for i in range(j + 1, count):
-            v = a[i, j]
-            for m in range(j):
-                v -= a[i, m] * a[j, m] * pivot[m]
-            a[i, j] = v * inverse
+            factor = pivot[i] * inverse[j]
+            for m in range(SYSTEM_C):
+                a[i, m] -= factor * pivot[m]
     for back in range(count):
         j = count - 1 - back
-        y = x[j] / pivot[j]
+        left = a[j, RESIDUAL_C]
         for m in range(j + 1, count):
-            y -= a[m, j] * x[m]
-        x[j] = y
+            left -= a[j, m] * x[m]
+        x[j] = left * inverse[j]
     return x
 
 
@@ -64,7 +66,7 @@ def damped_step(
     row: int,
     bound: int,
     count: int,
-) -> Unknowns:
+) -> SystemRow:
     """The increment (count = UNKNOWNS of them) that lowers one system's residual, not yet limited in length.
 
     Args:
@@ -74,33 +76,34 @@ def damped_step(
         most_blend: largest blend radius; 0 holds all of them.
         damping: relative to the system's diagonal.
     """
-    a = Matrix()
-    b = Unknowns()
-    held = Unknowns()
+    a = System()
+    free = SystemRow()
     one = wp.float64(1.0)
-    mean = wp.float64(0.0)
     for i in range(count):
         slope = systems[system + i * SYSTEM_C + RESIDUAL_C]
+        free[i] = one
         if i == BLEND_UNKNOWN:
             # A plain joint, of blend 0, stays one: nothing pulls at it.
             value = rows[row + BLEND_C]
             if most_blend <= 0.0 or value <= 0.0 or (value >= most_blend and slope < 0.0):
-                held[i] = one
+                free[i] = wp.float64(0.0)
         elif i >= FIRST_SHAPE:
             shape = i - FIRST_SHAPE
             value = rows[row + SHAPES_C + shape]
             least = low[bound + shape]
             most = high[bound + shape]
             if most <= least or (value <= least and slope > 0.0) or (value >= most and slope < 0.0):
-                held[i] = one
-        b[i] = -wp.float64(slope) * (one - held[i])
-        for j in range(i + 1):
-            a[i, j] = wp.float64(systems[system + j * SYSTEM_C + i]) * (one - held[i]) * (one - held[j])
+                free[i] = wp.float64(0.0)
+    free[RESIDUAL_C] = -one
+    mean = wp.float64(0.0)
+    for i in range(count):
+        for m in range(SYSTEM_C):
+            a[i, m] = wp.float64(systems[system + i * SYSTEM_C + m]) * free[i] * free[m]
         mean += a[i, i]
     # Directions that the points do not see stay finite; those that are held get a pivot of the system's own size.
     scale = mean / wp.float64(UNKNOWNS_C) + wp.float64(1.0e-12)
     damp = wp.float64(damping)
     least_pivot = (wp.float64(1.0e-4) * damp + wp.float64(1.0e-7)) * scale
     for i in range(count):
-        a[i, i] = a[i, i] * (one + damp) + least_pivot + held[i] * scale
-    return solve_symmetric(a, b, count)
+        a[i, i] = a[i, i] * (one + damp) + least_pivot + (one - free[i]) * scale
+    return solve_symmetric(a, count)

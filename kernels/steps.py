@@ -12,13 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from .launch import PLAIN_OPTIONS, launch
+from .launch import launch
 from .primitive_set import PrimitiveSet
 from .rows import BLEND_C, GATE_C, ROTATION_C, ROW, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
-from .small_solve import BLEND_UNKNOWN, FIRST_SHAPE, SYSTEM, SYSTEM_C, UNKNOWNS, Unknowns, damped_step
+from .small_solve import (
+    BLEND_UNKNOWN,
+    FIRST_SHAPE,
+    SOLVER_OPTIONS,
+    SYSTEM,
+    SYSTEM_C,
+    UNKNOWNS,
+    SystemRow,
+    damped_step,
+)
 from .union import FAR
 
-wp.set_module_options(PLAIN_OPTIONS)
+wp.set_module_options(SOLVER_OPTIONS)
 
 FIRST_DAMPING = 1e-2
 
@@ -141,7 +150,7 @@ def judge_together_kernel(
 
 @wp.func
 def move_row(
-    rows: wp.array[float], row: int, step: Unknowns, low: wp.array[float], high: wp.array[float], bound: int,
+    rows: wp.array[float], row: int, step: SystemRow, low: wp.array[float], high: wp.array[float], bound: int,
     most_blend: float, out_rows: wp.array[float],
 ):  # fmt: skip
     """Write a row moved by local increments (see `rows`), their length limited, shapes clipped to their ranges."""
