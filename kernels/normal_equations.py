@@ -214,10 +214,10 @@ def normal_equations_at(
     out_systems: wp.array,
     pair_count: int | Callable[[], int] | None = None,
 ) -> None:
-    """Fill the upper triangles of `out_systems` (primitive_count * SYSTEM^2,); `out_partial` (pair_count * SYSTEM^2,) is
-    scratch.
+    """Fill the upper triangles of `out_systems` (primitive_count * SYSTEM^2,).
 
-    `pair_count` says how many pairs are in use where it is not all of them.
+    `out_partial` (pair_count * SYSTEM^2,) is scratch. `pair_count` says how many pairs are in use where it is
+    not all of them.
     """
     device = primitives.device
     for run in primitives.runs:

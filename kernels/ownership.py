@@ -31,6 +31,9 @@ COVERED = 0.5
 """A point is covered by a primitive whose distance there is below this, in units of 1 / sharpness."""
 COVERED_C = wp.constant(COVERED)
 
+BlockFloats = wp.types.vector(length=BLOCK, dtype=float)
+BlockIntegers = wp.types.vector(length=BLOCK, dtype=int)
+
 
 @dataclass(frozen=True)
 class Ownership:
@@ -48,8 +51,6 @@ class Ownership:
     """(n,) that distance, gated. FAR or not the second smallest where it neither blends nor covers."""
     share: wp.array
     """(n,) in [1/2, 1]: derivative of the union to the owner, as far as these two go; the second has the rest."""
-    value: wp.array
-    """(n,) scratch."""
     ids: wp.array
     """(block_count * primitive_count,) int32: primitives shown to each block, in list order."""
     counts: wp.array
@@ -80,7 +81,6 @@ def ownership_arrays(primitive_count: int, blocks: PointBlocks, bounds: BlockBou
         second=integers(size),
         runner_up=floats(size),
         share=floats(size),
-        value=floats(size),
         ids=integers(blocks.block_count * primitive_count),
         counts=integers(blocks.block_count),
         live=wp.full(blocks.block_count, 1, dtype=int, device=device),
@@ -173,7 +173,6 @@ def find_owners_kernel(name: str) -> wp.Kernel:
         run: wp.vec2i,
         rows: wp.array[float],
         # outputs
-        out_value: wp.array[float],
         out_field: wp.array[float],
         out_owner: wp.array[int],
         out_nearest: wp.array[float],
@@ -185,14 +184,27 @@ def find_owners_kernel(name: str) -> wp.Kernel:
         if live[block] == 0:
             return
         base = block * BLOCK_C
+        # Local vectors: of arrays the compiler has to check at every loop whether they overlap.
+        distance = BlockFloats()
+        field = BlockFloats()
+        nearest = BlockFloats()
+        runner_up = BlockFloats()
+        share = BlockFloats()
+        owner = BlockIntegers()
+        second = BlockIntegers()
         if run[0] == 0:
             for j in range(BLOCK_C):
-                out_field[base + j] = FAR
-                out_nearest[base + j] = FAR
-                out_runner_up[base + j] = FAR
-                out_owner[base + j] = 0
-                out_second[base + j] = 0
-                out_share[base + j] = 0.0
+                field[j] = FAR
+                nearest[j] = FAR
+                runner_up[j] = FAR
+        else:
+            for j in range(BLOCK_C):
+                field[j] = out_field[base + j]
+                nearest[j] = out_nearest[base + j]
+                runner_up[j] = out_runner_up[base + j]
+                share[j] = out_share[base + j]
+                owner[j] = out_owner[base + j]
+                second[j] = out_second[base + j]
         for n in range(counts[block]):
             k = ids[block * primitive_count + n]
             if k >= run[0] and k < run[1]:
@@ -206,35 +218,38 @@ def find_owners_kernel(name: str) -> wp.Kernel:
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        out_value[base + j] = sdf(s, px, py, pz)
+                        distance[j] = sdf(s, px, py, pz)
                 else:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        out_value[base + j] = fast(s, px, py, pz)
+                        distance[j] = fast(s, px, py, pz)
                 blend = rows[k * ROW_C + BLEND_C]
                 gate = rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
                 for j in range(BLOCK_C):
-                    value = gated(out_value[base + j], gate)
-                    out_field[base + j] = smooth_minimum(out_field[base + j], value, blend, quarter)
-                for j in range(BLOCK_C):
-                    value = gated(out_value[base + j], gate)
-                    nearest = out_nearest[base + j]
-                    runner_up = out_runner_up[base + j]
-                    leads = value < nearest
-                    follows = value < runner_up
-                    # As k counts up, the later of the two nearest is k whenever k is one of them: `out_share` holds
-                    # its blend until the end.
-                    out_share[base + j] = wp.where(follows, blend, out_share[base + j])
-                    out_runner_up[base + j] = smaller(runner_up, larger(value, nearest))
-                    out_nearest[base + j] = smaller(nearest, value)
-                    owner = out_owner[base + j]
-                    out_second[base + j] = wp.where(leads, owner, wp.where(follows, k, out_second[base + j]))
-                    out_owner[base + j] = wp.where(leads, k, owner)
+                    value = gated(distance[j], gate)
+                    field[j] = smooth_minimum(field[j], value, blend, quarter)
+                    leads = value < nearest[j]
+                    follows = value < runner_up[j]
+                    # As k counts up, the later of the two nearest is k whenever k is one of them: `share` holds its
+                    # blend until the end.
+                    share[j] = wp.where(follows, blend, share[j])
+                    runner_up[j] = smaller(runner_up[j], larger(value, nearest[j]))
+                    nearest[j] = smaller(nearest[j], value)
+                    second[j] = wp.where(leads, owner[j], wp.where(follows, k, second[j]))
+                    owner[j] = wp.where(leads, k, owner[j])
         if run[1] == primitive_count:
             for j in range(BLOCK_C):
-                gap = out_runner_up[base + j] - out_nearest[base + j]
-                out_share[base + j] = smaller(0.5 + 0.5 * gap / larger(out_share[base + j], 1.0e-9), 1.0)
+                gap = runner_up[j] - nearest[j]
+                share[j] = smaller(0.5 + 0.5 * gap / larger(share[j], 1.0e-9), 1.0)
+        for j in range(BLOCK_C):
+            out_field[base + j] = field[j]
+            out_nearest[base + j] = nearest[j]
+            out_runner_up[base + j] = runner_up[j]
+        for j in range(BLOCK_C):
+            out_share[base + j] = share[j]
+            out_owner[base + j] = owner[j]
+            out_second[base + j] = second[j]
 
     return fold_owners_kernel
 
@@ -281,7 +296,7 @@ def find_owners(
                 *(blocks.x, blocks.y, blocks.z, primitives.frames, primitives.tables[run.family.name]),
                 *(out.ids, out.counts, out.live, count, wp.vec2i(run.begin, run.end), primitives.rows),
             ],
-            [out.value, out.field, out.owner, out.nearest, out.second, out.runner_up, out.share],
+            [out.field, out.owner, out.nearest, out.second, out.runner_up, out.share],
             device,
             seconds_per_thread=5e-8 * run.count,
         )
