@@ -29,9 +29,9 @@ VECTOR_FLAGS = (
     " -ffp-contract=fast -fno-slp-vectorize -mreassociate -fno-signed-zeros"
 )
 """LLVM flags under which a constant loop over a block of points becomes vector code: everything must be inlined, local
-matrices that are used in many places must be seen to be local, loops of 16 must not be unrolled before they are
-looked at, and sums may be reassociated (they vectorise only then; maxima never do). `-ffast-math` gains nothing more
-and breaks tests for NaN."""
+matrices that are used in many places must be seen to be local, loops of 16 must not be unrolled before they are looked
+at (nor are Warp's own over the components of long vectors: write those out), and sums may be reassociated (they
+vectorise only then; maxima never do). `-ffast-math` gains nothing more and breaks tests for NaN."""
 
 VECTOR_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": VECTOR_FLAGS}
 """Module options of every kernel that loops over a block of points; its adjoint, where it has one, is a kernel too."""

@@ -182,14 +182,18 @@ def _unfold_kernel(entry: Family, module: str) -> wp.Kernel:
                             d = sdf_grad(s, px, py, pz)
                             weight = passed[base + j]
                             gate_sum += weight * (d[0] - 1.0)
-                            total += weight * jacobian_row(px, py, pz, d)
+                            row = jacobian_row(px, py, pz, d)
+                            for m in range(TANGENT_C):
+                                total[m] += weight * row[m]
                     else:
                         for j in range(BLOCK_C):
                             px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
                             d = fast_grad(s, px, py, pz)
                             weight = passed[base + j]
                             gate_sum += weight * (d[0] - 1.0)
-                            total += weight * jacobian_row(px, py, pz, d)
+                            row = jacobian_row(px, py, pz, d)
+                            for m in range(TANGENT_C):
+                                total[m] += weight * row[m]
                 store = slot * SUMS_C
                 gate = rows[k * ROW_C + GATE_C]
                 for m in range(TANGENT_C):
