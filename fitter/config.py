@@ -45,9 +45,9 @@ class ProposeConfig:
     points: int = 512
     """Sample points a region is fitted to, half of them in stages that ask for half."""
     stages: tuple[FitStage, ...] = (
-        FitStage(sharpness=2.0, iterations=0, keep=20, half=True),
-        FitStage(sharpness=2.0, iterations=4, keep=12, half=True),
-        FitStage(sharpness=3.0, iterations=5, keep=7, half=True),
+        FitStage(sharpness=2.0, iterations=0, keep=14, half=True),
+        FitStage(sharpness=2.0, iterations=4, keep=8, half=True),
+        FitStage(sharpness=3.0, iterations=5, keep=5, half=True),
         FitStage(sharpness=6.0, iterations=6, keep=2),
         FitStage(sharpness=12.0, iterations=12, keep=1),
     )

@@ -25,7 +25,15 @@ from .objective import at_price
 from .outcome import Outcome, Status
 from .refine import refine
 from .select import prune
-from .track import JOINT_RICH, RICH_ROUNDS, SATURATION, SECOND_RICH, TRACK_SATURATION, Track
+from .track import (
+    JOINT_RICH,
+    JOINT_SATURATION,
+    RICH_ROUNDS,
+    SATURATION,
+    SECOND_RICH,
+    TRACK_SATURATION,
+    Track,
+)
 from .workbench import Progress
 
 MERGED = (40.0, 300.0)
@@ -101,7 +109,7 @@ class Fit(Track):
             ends.append(self.rows)
         if status in ENDED and len(ends) > 1:
             self.take_best()
-            self.saturation = SATURATION
+            self.saturation = JOINT_SATURATION
             left = max(1, config.rounds - len(self.rounds))
             status = self.run_track(left, JOINT_RICH, np.concatenate(ends))
         left = config.rounds - len(self.rounds)

@@ -31,8 +31,11 @@ from .workbench import Progress, Workbench
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""
 
-TRACK_SATURATION = 4e-3
-"""The same in a track that is followed by more."""
+TRACK_SATURATION = 1.2e-2
+"""The same in a track that is followed by more: what little it misses, the others find."""
+
+JOINT_SATURATION = 2.5e-3
+"""The same where the ends of several tracks are put together."""
 
 RICH_ROUNDS = ((0.3, 2.5), (0.5, 2.0), (0.75, 1.4))
 """Price of a primitive, as a share of the full one, and weight of false volume in the first rounds. An assembly that
