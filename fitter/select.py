@@ -76,20 +76,26 @@ def _grow(choice: Chooser, most: int) -> None:
 
 def _exchange(choice: Chooser, most: int) -> None:
     """Moves that lift the objective where no single addition does: replace one by several, or several by one."""
+    # What failed since the choice last changed would fail again.
+    failed: set[int] = set()
     for _ in range(EXCHANGES):
         before = choice.score()
         for member in list(choice.chosen):
-            _try_without(choice, member, most)
+            if member not in failed:
+                _note(failed, member, _try_without(choice, member, most))
         for leader in _leaders(choice):
-            if leader in choice.chosen:
-                continue
-            leavers = choice.replace_redundant(leader)
-            if leavers is not None and len(choice.chosen) + 1 - len(leavers) <= most:
-                choice.add(leader)
-                for leaver in leavers:
-                    choice.remove(leaver)
+            if leader not in choice.chosen and leader not in failed:
+                _note(failed, leader, _try_instead(choice, leader, most))
         if choice.score() <= before + 1e-6:
             return
+
+
+def _note(failed: set[int], index: int, rose: bool) -> None:
+    """Note how a move of a candidate, in or out, ended."""
+    if rose:
+        failed.clear()
+    else:
+        failed.add(index)
 
 
 def _leaders(choice: Chooser) -> list[int]:
@@ -102,8 +108,8 @@ def _leaders(choice: Chooser) -> list[int]:
     return list(dict.fromkeys([*merging.tolist(), *nearly.tolist()]))
 
 
-def _try_without(choice: Chooser, member: int, most: int) -> None:
-    """Let the best few of another kind come in for a member; undo that unless the objective rose.
+def _try_without(choice: Chooser, member: int, most: int) -> bool:
+    """Let the best few of another kind come in for a member; undo that unless the objective rose. Whether it did.
 
     What is much like the member is left out: the greedy choice would only take it back.
     """
@@ -115,8 +121,21 @@ def _try_without(choice: Chooser, member: int, most: int) -> None:
         if gain <= 0 or len(choice.chosen) >= most:
             break
         choice.add(leader)
-    if choice.score() <= before + 1e-6:
+    rose = choice.score() > before + 1e-6
+    if not rose:
         choice.restore(saved)
+    return rose
+
+
+def _try_instead(choice: Chooser, leader: int, most: int) -> bool:
+    """Let a candidate come in for the members that it makes redundant, if the objective rises. Whether it did."""
+    leavers = choice.replace_redundant(leader)
+    if leavers is None or len(choice.chosen) + 1 - len(leavers) > most:
+        return False
+    choice.add(leader)
+    for leaver in leavers:
+        choice.remove(leaver)
+    return True
 
 
 def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:
