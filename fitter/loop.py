@@ -24,7 +24,6 @@ from .merge import mergers
 from .objective import at_price
 from .outcome import Outcome, Status
 from .refine import refine
-from .select import prune
 from .track import JOINT_RICH, RICH_ROUNDS, SATURATION, SECOND_RICH, TRACK_SATURATION, Track
 from .workbench import Progress
 
@@ -218,8 +217,7 @@ class Fit(Track):
 
     def keep_if_better(self, rows: np.ndarray) -> None:
         """Take rows, pruned, if they beat those so far."""
-        kept = rows[prune(self.inside(rows), self.tally, self.alpha, self.device)]
-        score = self.assess(kept)
+        kept, score = self.pruned(rows)
         if score.objective > self.score.objective:
             self.rows, self.score = kept, score
 

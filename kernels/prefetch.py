@@ -13,9 +13,11 @@ import warp as wp
 
 from . import (
     cell_list,
+    choice,
     culling,
     distance_grid,
     field_scene,
+    inside,
     loss_points,
     loss_rows,
     march,
@@ -28,6 +30,7 @@ from . import (
     occupancy,
     ownership,
     raytrace,
+    replacement,
     shading,
     steps,
     wavefront,
@@ -35,6 +38,7 @@ from . import (
 from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
+from .inside import mask_kernel
 from .launch import core_count, load_module
 from .normal_equations import add_systems_kernel, normal_equations_kernel
 from .ownership import find_owners_kernel
@@ -46,7 +50,7 @@ Loads = list[Callable[[], wp.Module]]
 def modules_of_fit(family: str) -> Loads:
     """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
     reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, morphology]
-    fitting = [steps, culling, occupancy, ownership, loss_points, loss_rows]
+    fitting = [inside, occupancy, choice, replacement, steps, culling, ownership, loss_points, loss_rows]
     showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
 
     def named(modules: list) -> Loads:
@@ -63,6 +67,7 @@ def modules_of_fit(family: str) -> Loads:
         *made(
             lambda: field_kernels(family)[0],
             lambda: bound_kernel(family),
+            lambda: mask_kernel(family),
             lambda: find_owners_kernel(family),
             lambda: gradient_kernel(family),
         ),
