@@ -189,7 +189,7 @@ class Fit(Track):
             rows, polish = self.rows, self.config.polish
             for _ in range(polish.passes):
                 if self.config.union == "smooth":
-                    rows = choose_blends(self.values(rows), rows, self.tally)
+                    rows = choose_blends(self.values(rows), rows, self.tally, self.device)
                     self.keep_if_better(rows)
                 if self.config.optimizer == "levenberg":
                     rows = refine(

@@ -164,7 +164,7 @@ class Track(Workbench):
             refined = self.refine(selected, number, config.refine if rich else config.sharpen)
         with self.timed("prune"):
             if config.union == "smooth":
-                refined = choose_blends(self.values(refined), refined, self.tally)
+                refined = choose_blends(self.values(refined), refined, self.tally, self.device)
             kept, score = self.pruned(refined)
         accepted = rich is not None or score.objective > self.score.objective
         self.rounds.append(

@@ -110,7 +110,7 @@ class Holdings:
         sizes: (count,) points that each holds.
         edges, points: candidate k holds points[edges[k]] to points[edges[k + 1] - 1], ascending. Both arrays may be
             longer than that, and are other ones after an `append`.
-        bits: once asked for, bit k of a point's `stride` words says whether candidate k holds it.
+        stride: words of a point in `bits`.
     """
 
     def __init__(self, point_count: int, device: wp.Device):
@@ -180,7 +180,7 @@ class Holdings:
         self._extend(self.sizes[:0])
 
     def bits(self) -> wp.array:
-        """The bits of all points, `stride` words each."""
+        """A row of `stride` words for each point: bit k says whether candidate k holds it."""
         if self.count > WORD * self.stride:
             self.stride = GROUP // WORD * -(-(self.count + self.count // 2) // GROUP)
             self._bits = wp.zeros(self.point_count * self.stride, dtype=wp.uint32, device=self.device)

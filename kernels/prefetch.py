@@ -12,6 +12,7 @@ from collections.abc import Callable
 import warp as wp
 
 from . import (
+    blends,
     cell_list,
     choice,
     culling,
@@ -50,7 +51,18 @@ Loads = list[Callable[[], wp.Module]]
 def modules_of_fit(family: str) -> Loads:
     """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
     reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, morphology]
-    fitting = [inside, occupancy, choice, replacement, steps, culling, ownership, loss_points, loss_rows]
+    fitting = [
+        inside,
+        occupancy,
+        choice,
+        replacement,
+        blends,
+        steps,
+        culling,
+        ownership,
+        loss_points,
+        loss_rows,
+    ]
     showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
 
     def named(modules: list) -> Loads:

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from .adjoint import differentiable_union
+from .blends import BlendTrials
 from .camera import frame_bounds
 from .choice import AdditionSums, Counts
 from .culling import cull
@@ -74,6 +75,8 @@ def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
     counts.count(0, 1)
     additions.mend()
     replace_members(counts, [0], [0], Prices())
+    some = np.zeros(2)
+    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, primitives.device).sums_of(1, [0.0])
 
 
 def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
