@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from ..kernels.blends import BlendTrials
 from ..kernels.field import primitives_at
 from ..kernels.points import PointBlocks
 from ..kernels.primitive_set import PrimitiveSet
@@ -36,43 +37,47 @@ def score_values(values: np.ndarray, blends: np.ndarray, tally: Tally, alpha: fl
     return tally.score(fold(values, blends) < 0, (values < 0).sum(0), len(values), alpha)
 
 
-def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally) -> np.ndarray:
+def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, device: wp.Device) -> np.ndarray:
     """Rows with each blend set, in turn, to the choice that scores best while all others stay.
 
     Args:
         values: (primitive_count, n) distances at the samples.
         rows: (primitive_count, ROW).
         tally: the objective's sums.
+        device: where the choices are tried.
     """
     rows = rows.copy()
     blends = rows[:, BLEND]
     union = fold(values, blends)
-    held = tally.sums(union < 0)
     bare = (values.min(0) >= 0) & tally.box
-    lone = int((bare & (union < 0)).sum())
+    held = np.append(tally.sums(union < 0), (bare & (union < 0)).sum())
     # A blend moves a surface by a quarter of itself at most.
     near = np.flatnonzero(np.abs(union) < max(BLEND_CHOICES[-1], float(blends.max(initial=0.0))))
-    values, union, bare = values[:, near], union[near], bare[near]
-    prefix = values[0]
+    if not len(near):
+        blends[1:] = 0.0
+        return rows
+    trials = BlendTrials(
+        values[:, near],
+        blends,
+        BLEND_CHOICES[-1],
+        len(BLEND_CHOICES) + 1,
+        tally.kind[near],
+        tally.weight[near],
+        bare[near],
+        device,
+    )
     for k in range(1, len(rows)):
-        widest = max(BLEND_CHOICES[-1], float(blends[k]))
-        at = np.flatnonzero(np.abs(values[k] - prefix) < widest)
-        rest = held - tally.sums(near[at[union[at] < 0]])
-        other = lone - int((bare[at] & (union[at] < 0)).sum())
-        stack = np.concatenate([prefix[None, at], values[k:, at]])
-        best = (-np.inf, float(blends[k]), union[at], held, lone)
-        for choice in (*BLEND_CHOICES, float(blends[k])):
-            blends[k] = choice
-            folded = fold(stack, np.concatenate([[0.0], blends[k:]]))
-            sums = rest + tally.sums(near[at[folded < 0]])
-            # A blend must earn its place: no smooth joint where a plain one is as good.
-            alone = other + int((bare[at] & (folded < 0)).sum())
-            score = float(tally.objective(np.append(sums, 0.0), 0, 0.0)) - (1e-5 if choice else 0.0)
-            score -= UNOVERLAP_PRICE * alone / max(sums[2] + sums[3], 1.0)
-            if score > best[0]:
-                best = (score, choice, folded, sums, alone)
-        _, blends[k], union[at], held, lone = best
-        prefix = fold(np.stack([prefix, values[k]]), np.array([0.0, blends[k]]))
+        choices = np.append(np.float32(BLEND_CHOICES), blends[k])
+        sums = trials.sums_of(k, choices)
+        sums += held - sums[-1]
+        # The search's objective of sums without overlap.
+        scores = tally.objective(np.append(sums[:, :4], np.zeros((len(sums), 1)), 1), 0, 0.0)
+        # A blend must earn its place: no smooth joint where a plain one is as good.
+        scores -= np.where(choices > 0, 1e-5, 0.0)
+        scores -= UNOVERLAP_PRICE * sums[:, 4] / np.maximum(sums[:, 2] + sums[:, 3], 1.0)
+        best = int(np.argmax(scores))
+        held, blends[k] = sums[best], choices[best]
+        trials.blends.host[k] = blends[k]
     return rows
 
 

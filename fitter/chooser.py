@@ -6,11 +6,15 @@ candidate changes only the points inside it: the sums of all others are mended t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ..kernels.choice import AdditionSums
 from ..kernels.occupancy import Holdings
+from ..kernels.replacement import Prices, replace_members
 from .cover import Cover
-from .objective import Tally
+from .objective import SEARCH_OVERLAP_PRICE, Tally
 
 ABSORBED = 0.75
 """Share of a member's points that a candidate which could stand for it holds."""
@@ -21,58 +25,68 @@ class Chooser(Cover):
 
     def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
         super().__init__(holdings, tally, alpha, false_volume)
-        # With nothing chosen, a candidate adds just what would be missing if it alone were there.
-        self.counts.fill(1)
-        self.sums = self.removals.of(range(holdings.count))
-        self.counts.fill(0)
+        self.additions = AdditionSums(self.counts)
+        self._common: dict[int, np.ndarray] = {}
+        self.prices = Prices()
+        self.prices.near_total, self.prices.box_total = tally.near_total, tally.box_total
+        self.prices.primitive, self.prices.false_volume = alpha, false_volume
+        self.prices.overlap = SEARCH_OVERLAP_PRICE
 
-    def save(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+    def save(self) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, list[int]]:
         """What `restore` needs to come back to this choice."""
-        return self.counts.copy(), self.held.copy(), self.sums.copy(), list(self.chosen)
+        return self.counts.save(), self.additions.save(), list(self.chosen)
 
-    def restore(self, saved: tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]) -> None:
-        """Come back to a saved choice, which this one then owns."""
-        counts, self.held, self.sums, self.chosen = saved
-        self.counts[:] = counts
+    def restore(self, saved: tuple[tuple[np.ndarray, np.ndarray], np.ndarray, list[int]]) -> None:
+        """Come back to a saved choice."""
+        counts, additions, chosen = saved
+        self.counts.restore(counts)
+        self.additions.restore(additions)
+        self.chosen = list(chosen)
 
     def copy(self) -> Chooser:
         """An independent choice that goes on from here."""
-        other = object.__new__(Chooser)
-        other.__dict__.update(self.__dict__)
-        other._begin_counts()
+        other = Chooser(self.holdings, self.tally, self.alpha, self.false_volume)
         other.restore(self.save())
         return other
 
-    def _weigh(
-        self, freed: np.ndarray, freed_by: np.ndarray, once: np.ndarray, once_by: np.ndarray
-    ) -> np.ndarray:
-        """Sums (candidates, 5) over points that become free to cover, and that become covered just once."""
-        kind = self.tally.kind[freed]
-        weights = freed_by * self.tally.weight[freed]
-        tasks = [(freed[kind == number], weights[kind == number]) for number in range(4)]
-        once_by = once_by * self.tally.box[once]
-        return self.holdings.weigh([*tasks, (once, once_by)]).astype(np.float64)
+    def add(self, index: int) -> None:
+        """Choose a candidate."""
+        super().add(index)
+        self.additions.mend()
+
+    def remove(self, index: int) -> None:
+        """Take a chosen candidate out."""
+        super().remove(index)
+        self.additions.mend()
 
     def gains(self) -> np.ndarray:
         """What each candidate would add to the objective, -inf for those chosen."""
-        count = len(self.chosen)
-        gains = self._objective(self.held + self.sums, count + 1) - self._objective(self.held, count)
+        held, count = self.held + self.additions.of_all(), len(self.chosen)
+        gains = self._objective(held, count + 1) - self.score()
         gains[self.chosen] = -np.inf
         return gains
 
+    def _common_with(self, members: Sequence[int]) -> list[np.ndarray]:
+        """Points that each member shares with each candidate: (candidates,) int32 each."""
+        new = [member for member in members if member not in self._common]
+        if new:
+            self._common.update(zip(new, self.holdings.common(new), strict=True))
+        return [self._common[member] for member in members]
+
     def likeness(self, index: int) -> np.ndarray:
-        """Points that each candidate shares with this one, as a share of the points in either: (candidates,)."""
-        points = self.holdings.lists[index]
-        common = self.holdings.weigh([(points, np.ones(len(points)))])[:, 0]
-        return common / np.maximum(self.holdings.sizes + len(points) - common, 1.0)
+        """Points that each candidate shares with a member, as a share of the points in either: (candidates,)."""
+        common = self._common_with(self.chosen)[self.chosen.index(index)]
+        sizes = self.holdings.sizes
+        return common / np.maximum(sizes + sizes[index] - common, 1)
 
     def absorbs(self) -> np.ndarray:
         """Which members each candidate holds nearly all of: (candidates, members) bool, in the order of choice."""
-        if not self.chosen:
-            return np.zeros((len(self.holdings.lists), 0), bool)
-        lists = self.holdings.lists
-        tasks = [(lists[member], np.ones(len(lists[member]))) for member in self.chosen]
-        return self.holdings.weigh(tasks) > ABSORBED * np.maximum(self.holdings.sizes[self.chosen], 1)
+        absorbed = np.zeros((self.holdings.count, len(self.chosen)), bool)
+        for place, (member, common) in enumerate(
+            zip(self.chosen, self._common_with(self.chosen), strict=True)
+        ):
+            absorbed[:, place] = common > ABSORBED * max(1, self.holdings.sizes[member])
+        return absorbed
 
     def best_addition(self, barred: np.ndarray | None = None) -> tuple[int, float]:
         """The candidate that raises the objective most, and by how much; (-1, -inf) where none is left.
@@ -87,10 +101,21 @@ class Chooser(Cover):
         leader = int(np.argmax(gains))
         return leader, float(gains[leader])
 
-    def _mend(self, index: int, step: int, before: np.ndarray, after: np.ndarray) -> None:
-        """Mend the sums of all candidates where a change of the counts frees a point, or leaves one holder."""
-        points = self.holdings.lists[index]
-        freed = (after == 0).astype(np.int8) - (before == 0)
-        once = (after == 1).astype(np.int8) - (before == 1)
-        changed, moved = freed != 0, (once != 0) & self.tally.box[points]
-        self.sums += self._weigh(points[changed], freed[changed], points[moved], once[moved])
+    def score_swapped(self, newcomer: int, leavers: list[int]) -> float:
+        """The objective with a candidate in the place of members; leaves the choice as it was."""
+        saved = self.counts.save()
+        self.counts.count(newcomer, 1)
+        for leaver in leavers:
+            self.counts.count(leaver, -1)
+        score = float(self._objective(self.held, len(self.chosen) + 1 - len(leavers)))
+        self.counts.restore(saved)
+        return score
+
+    def replace_redundant(self, newcomers: Sequence[int]) -> list[list[int] | None]:
+        """For each candidate the members that it makes redundant, if adding it and removing them raises the objective.
+
+        Leaves the choice as it was.
+        """
+        scores, leavers = replace_members(self.counts, newcomers, self.chosen, self.prices)
+        rose = scores > self.score() + 1e-6
+        return [leave if better else None for leave, better in zip(leavers, rose, strict=True)]

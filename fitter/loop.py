@@ -24,7 +24,6 @@ from .merge import mergers
 from .objective import at_price
 from .outcome import Outcome, Status
 from .refine import refine
-from .select import prune
 from .track import (
     JOINT_RICH,
     JOINT_SATURATION,
@@ -200,7 +199,7 @@ class Fit(Track):
             rows, polish = self.rows, self.config.polish
             for _ in range(polish.passes):
                 if self.config.union == "smooth":
-                    rows = choose_blends(self.values(rows), rows, self.tally)
+                    rows = choose_blends(self.values(rows), rows, self.tally, self.device)
                     self.keep_if_better(rows)
                 if self.config.optimizer == "levenberg":
                     rows = refine(
@@ -228,8 +227,7 @@ class Fit(Track):
 
     def keep_if_better(self, rows: np.ndarray) -> None:
         """Take rows, pruned, if they beat those so far."""
-        kept = rows[prune(self.inside(rows), self.tally, self.alpha, self.device)]
-        score = self.assess(kept)
+        kept, score = self.pruned(rows)
         if score.objective > self.score.objective:
             self.rows, self.score = kept, score
 

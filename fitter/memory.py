@@ -23,13 +23,16 @@ REMEMBERED = 600
 class CandidateMemory:
     """Regions tried so far, with the candidates fitted to each and the sample points that those hold."""
 
-    def __init__(self, inside: Callable[[np.ndarray], np.ndarray], device: wp.Device) -> None:
-        """`inside` says of rows (k, ROW) which samples each holds, (k, n) bool; `device` is where they are counted."""
+    def __init__(
+        self, inside: Callable[[np.ndarray], np.ndarray], point_count: int, device: wp.Device
+    ) -> None:
+        """`inside` says of rows (k, ROW) which of the `point_count` samples each holds, as masks (k, words) uint32;
+        `device` is where they are counted."""
         self.inside = inside
         self.device = device
         self.regions: list[Region] = []
         self.rows: list[np.ndarray] = []
-        self.holdings = Holdings(inside(np.zeros((0, ROW), np.float32)), device)
+        self.holdings = Holdings(point_count, device)
         self.boxes = np.zeros((0, 7))
 
     def fit_new(self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int) -> np.ndarray:
@@ -58,8 +61,9 @@ class CandidateMemory:
         new = self._new(other.regions, other.boxes)
         self.regions += [other.regions[index] for index in new]
         self.rows += [other.rows[index] for index in new]
-        added = [other.candidates()[:0], *(other.rows[index] for index in new)]
-        self.holdings.append(self.inside(np.concatenate(added)))
+        ends = np.cumsum([len(rows) for rows in other.rows])
+        places = [np.arange(ends[index] - len(other.rows[index]), ends[index]) for index in new]
+        self.holdings.append_from(other.holdings, np.concatenate([np.zeros(0, np.int64), *places]))
         self.boxes = np.concatenate([self.boxes, other.boxes[new]])
 
     @contextmanager

@@ -14,6 +14,7 @@ import warp as wp
 
 from ..decomposition.region import region_from_mask
 from ..kernels.field import cell_centres, union_at
+from ..kernels.occupancy import hold
 from ..kernels.points import from_grid_blocks, grid_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, ROW
@@ -243,8 +244,8 @@ def limit(rows: np.ndarray, judge: Judge, price: float, most: int) -> tuple[np.n
     kept = np.arange(len(rows))
     if not len(rows):
         return kept, []
-    bits = judge.values(rows) < 0
-    kept = kept[prune(bits, judge.tally, price, judge.device)]
+    holdings = hold(judge.values(rows) < 0, judge.device)
+    kept = kept[prune(holdings, judge.tally, price)]
     if len(kept) <= most:
         return kept, []
     note = f"{len(kept)} primitives cut to {most}; raise --max-primitives to keep more."

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import warp as wp
 
 from ..kernels.occupancy import Holdings
 from .chooser import Chooser
@@ -19,6 +18,8 @@ REPLACEMENTS = 8
 """Candidates that may take the place of one."""
 TWIN = 0.6
 """Share of common points, of the points in either, above which a candidate is another try at the same part."""
+BATCH = 16
+"""Replacements of several that are tried side by side: once one is made, the rest must be tried anew."""
 WIDE_LOOK = 24
 """Candidates whose addition alone does not pay that are tried as a replacement of several."""
 
@@ -76,20 +77,38 @@ def _grow(choice: Chooser, most: int) -> None:
 
 def _exchange(choice: Chooser, most: int) -> None:
     """Moves that lift the objective where no single addition does: replace one by several, or several by one."""
+    # What failed since the choice last changed would fail again.
+    failed: set[int] = set()
     for _ in range(EXCHANGES):
         before = choice.score()
         for member in list(choice.chosen):
-            _try_without(choice, member, most)
-        for leader in _leaders(choice):
-            if leader in choice.chosen:
+            if member in failed:
                 continue
-            leavers = choice.replace_redundant(leader)
-            if leavers is not None and len(choice.chosen) + 1 - len(leavers) <= most:
-                choice.add(leader)
-                for leaver in leavers:
-                    choice.remove(leaver)
+            if _try_without(choice, member, most):
+                failed.clear()
+            else:
+                failed.add(member)
+        _exchange_leaders(choice, most, failed)
         if choice.score() <= before + 1e-6:
             return
+
+
+def _exchange_leaders(choice: Chooser, most: int, failed: set[int]) -> None:
+    """Let leaders come in, one after another, for the members that they make redundant, where the objective rises."""
+    waiting = _leaders(choice)
+    while waiting:
+        waiting = [leader for leader in waiting if leader not in choice.chosen and leader not in failed]
+        batch, waiting = waiting[:BATCH], waiting[BATCH:]
+        for place, leavers in enumerate(choice.replace_redundant(batch)):
+            if leavers is None or len(choice.chosen) + 1 - len(leavers) > most:
+                failed.add(batch[place])
+                continue
+            choice.add(batch[place])
+            for leaver in leavers:
+                choice.remove(leaver)
+            failed.clear()
+            waiting = batch[place + 1 :] + waiting
+            break
 
 
 def _leaders(choice: Chooser) -> list[int]:
@@ -102,8 +121,8 @@ def _leaders(choice: Chooser) -> list[int]:
     return list(dict.fromkeys([*merging.tolist(), *nearly.tolist()]))
 
 
-def _try_without(choice: Chooser, member: int, most: int) -> None:
-    """Let the best few of another kind come in for a member; undo that unless the objective rose.
+def _try_without(choice: Chooser, member: int, most: int) -> bool:
+    """Let the best few of another kind come in for a member; undo that unless the objective rose. Whether it did.
 
     What is much like the member is left out: the greedy choice would only take it back.
     """
@@ -115,14 +134,16 @@ def _try_without(choice: Chooser, member: int, most: int) -> None:
         if gain <= 0 or len(choice.chosen) >= most:
             break
         choice.add(leader)
-    if choice.score() <= before + 1e-6:
+    rose = choice.score() > before + 1e-6
+    if not rose:
         choice.restore(saved)
+    return rose
 
 
-def prune(bits: np.ndarray, tally: Tally, alpha: float, device: wp.Device) -> list[int]:
+def prune(holdings: Holdings, tally: Tally, alpha: float) -> list[int]:
     """Indices that remain after removing, one by one, the primitive whose absence raises the objective most."""
-    choice = Cover(Holdings(bits, device), tally, alpha)
-    for index in range(len(bits)):
+    choice = Cover(holdings, tally, alpha)
+    for index in range(holdings.count):
         choice.add(index)
     while len(choice.chosen) > 1:
         leaver, gain = choice.best_removal()

@@ -25,7 +25,7 @@ from .outcome import Round, Status
 from .probes import with_probes
 from .propose import seed_regions
 from .refine import refine
-from .select import prune, select
+from .select import select
 from .workbench import Progress, Workbench
 
 SATURATION = 1e-3
@@ -71,7 +71,7 @@ class Track(Workbench):
         start_rows: np.ndarray | None = None,
     ):
         super().__init__(target, config, device, on_progress, should_stop, start_rows)
-        self.memory = CandidateMemory(self.inside, device)
+        self.memory = CandidateMemory(self.inside, len(self.samples.points), device)
         self.slabs = config.excursions == 0
         """Whether slabs are proposed. The first of several tracks does without them: where big perforated pieces are on
         offer, a greedy choice takes them and never gets to what they are made of."""
@@ -85,7 +85,7 @@ class Track(Workbench):
         """Another track on the same target, from nothing and with slabs, that tells nobody of its progress."""
         other = copy.copy(self)
         other.slabs, other.rounds, other.timings = True, [], {}
-        other.memory = CandidateMemory(other.inside, self.device)
+        other.memory = CandidateMemory(other.inside, len(self.samples.points), self.device)
         other.on_progress, other.interrupted = lambda progress: None, should_stop
         other.place = len(self.positions)
         self.positions.append(0.0)
@@ -169,9 +169,8 @@ class Track(Workbench):
             refined = self.refine(selected, number, config.refine if rich else config.sharpen)
         with self.timed("prune"):
             if config.union == "smooth":
-                refined = choose_blends(self.values(refined), refined, self.tally)
-            kept = refined[prune(self.inside(refined), self.tally, self.alpha, self.device)]
-            score = self.assess(kept)
+                refined = choose_blends(self.values(refined), refined, self.tally, self.device)
+            kept, score = self.pruned(refined)
         accepted = rich is not None or score.objective > self.score.objective
         self.rounds.append(
             Round(

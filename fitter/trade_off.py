@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..kernels.occupancy import Holdings
+from ..kernels.occupancy import hold
 from .config import FitConfig
 from .cover import Cover
 from .judge import Judge
@@ -72,7 +72,7 @@ def remove_down_to(values: np.ndarray, judge: Judge, count: int) -> list[int]:
         judge: the objective.
         count: how many are to be left.
     """
-    choice = Cover(Holdings(values < 0, judge.device), judge.tally, judge.alpha)
+    choice = Cover(hold(values < 0, judge.device), judge.tally, judge.alpha)
     for index in range(len(values)):
         choice.add(index)
     while len(choice.chosen) > max(count, 0):

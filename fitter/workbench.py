@@ -15,6 +15,8 @@ from ..decomposition.region import Region
 from ..decomposition.target_cells import target_cells
 from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
+from ..kernels.inside import InsideTest
+from ..kernels.occupancy import hold
 from ..kernels.points import PointBlocks, any_in_blocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, ROW
@@ -25,6 +27,7 @@ from .config import FitConfig
 from .objective import Score, Tally
 from .refine import fold
 from .samples import objective_samples
+from .select import prune
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ class Workbench:
         self.begin = time.perf_counter()
         self.samples = objective_samples(target)
         self.blocks: PointBlocks = point_blocks(self.samples.points, device)
+        self.inside_test = InsideTest(self.samples.points, device)
         self.tally = Tally(self.samples)
         shape, lower, spacing = cell_centres(target.resolution)
         self.grid_shape = shape
@@ -77,6 +81,11 @@ class Workbench:
         self.positions, self.place = [0.0], 0
         """Rounds done of each track, and this one's place among them."""
         self.rows = np.zeros((0, ROW), np.float32) if start_rows is None else start_rows.astype(np.float32)
+        self.remembered = (
+            np.zeros((0, BLEND), np.float32),
+            np.zeros((0, len(self.samples.points)), np.float32),
+        )
+        """Rows without blends, and their values."""
         self.score = self.assess(self.rows)
         self.iou = 0.0
         self.field: np.ndarray | None = None
@@ -88,16 +97,28 @@ class Workbench:
         return [self.config.primitive] * len(rows)
 
     def values(self, rows: np.ndarray) -> np.ndarray:
-        """Distances (primitive_count, n) at the samples."""
-        return values_at(rows, self.families(rows), self.blocks, self.device)
+        """Distances (primitive_count, n) at the samples, whatever the blends; those of the last rows are remembered."""
+        shapes, values = self.remembered
+        if not np.array_equal(rows[:, :BLEND], shapes):
+            values = values_at(rows, self.families(rows), self.blocks, self.device)
+            self.remembered = rows[:, :BLEND].copy(), values
+        return values
 
     def inside(self, rows: np.ndarray) -> np.ndarray:
-        """Which samples each primitive holds, (primitive_count, n) bool."""
-        return self.values(rows) < 0
+        """Which samples each primitive holds, masks (primitive_count, words) with a bit a sample."""
+        return self.inside_test.masks(PrimitiveSet(rows, self.families(rows), self.device))
 
     def assess(self, rows: np.ndarray) -> Score:
         """The objective of rows as they are, blends included."""
         return score_values(self.values(rows), rows[:, BLEND], self.tally, self.alpha)
+
+    def pruned(self, rows: np.ndarray) -> tuple[np.ndarray, Score]:
+        """Rows without the primitives that do not pay, and their score."""
+        values = self.values(rows)
+        left = prune(hold(values < 0, self.device), self.tally, self.alpha)
+        if len(left) < len(rows):
+            self.remembered = rows[left, :BLEND], values[left]
+        return rows[left], self.assess(rows[left])
 
     def look(self) -> None:
         """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU.

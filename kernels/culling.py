@@ -168,26 +168,13 @@ def bound_blocks(blocks: PointBlocks) -> BlockBounds:
     return BlockBounds(*arrays)
 
 
-def cull(
-    primitives: PrimitiveSet,
-    blocks: PointBlocks,
-    bounds: BlockBounds | None = None,
-    wanted: wp.array | None = None,
-) -> ActiveLists:
-    """Active lists of every block. Exact: the union over them has the same values as over all primitives.
+def bound_primitives(primitives: PrimitiveSet, bounds: BlockBounds) -> tuple[wp.array, wp.array]:
+    """Values of each primitive in the middle of each block, and bounds on their change within it.
 
-    Args:
-        primitives: the assembly.
-        blocks: the points.
-        bounds: of the blocks, if they are known.
-        wanted: (block_count,) int32, 0 where a block's values do not matter as long as they are positive outside the
-            union: there it may come out as FAR. All blocks matter unless given.
+    Returns:
+        Both (primitive_count * padded block count,), primitive-major.
     """
-    device = blocks.device
-    if wanted is None:
-        wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
-    bounds = bounds or bound_blocks(blocks)
-    size = padded_count(blocks.block_count)
+    size, device = bounds.x.shape[0], primitives.device
     middle = wp.empty(len(primitives) * size, dtype=float, device=device)
     reach = wp.empty(len(primitives) * size, dtype=float, device=device)
     for run in primitives.runs:
@@ -208,6 +195,29 @@ def cull(
             device,
             seconds_per_thread=3e-7,
         )
+    return middle, reach
+
+
+def cull(
+    primitives: PrimitiveSet,
+    blocks: PointBlocks,
+    bounds: BlockBounds | None = None,
+    wanted: wp.array | None = None,
+) -> ActiveLists:
+    """Active lists of every block. Exact: the union over them has the same values as over all primitives.
+
+    Args:
+        primitives: the assembly.
+        blocks: the points.
+        bounds: of the blocks, if they are known.
+        wanted: (block_count,) int32, 0 where a block's values do not matter as long as they are positive outside the
+            union: there it may come out as FAR. All blocks matter unless given.
+    """
+    device = blocks.device
+    if wanted is None:
+        wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
+    middle, reach = bound_primitives(primitives, bounds or bound_blocks(blocks))
+    size = padded_count(blocks.block_count)
     ids = wp.empty(max(1, blocks.block_count * len(primitives)), dtype=int, device=device)
     counts = wp.empty(max(1, blocks.block_count), dtype=int, device=device)
     launch(

@@ -12,11 +12,14 @@ from collections.abc import Callable
 import warp as wp
 
 from . import (
+    blends,
     cell_list,
     cells,
+    choice,
     culling,
     distance_grid,
     field_scene,
+    inside,
     loss_points,
     loss_rows,
     march,
@@ -29,6 +32,7 @@ from . import (
     occupancy,
     ownership,
     raytrace,
+    replacement,
     shading,
     steps,
     wavefront,
@@ -36,6 +40,7 @@ from . import (
 from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
+from .inside import mask_kernel
 from .launch import core_count, load_module
 from .normal_equations import add_systems_kernel, kernel_on
 from .ownership import find_owners_kernel
@@ -47,7 +52,18 @@ Loads = list[Callable[[], wp.Module]]
 def modules_of_fit(family: str, device: wp.Device) -> Loads:
     """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
     reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, cells, morphology]
-    fitting = [steps, culling, occupancy, ownership, loss_points, loss_rows]
+    fitting = [
+        inside,
+        occupancy,
+        choice,
+        replacement,
+        blends,
+        steps,
+        culling,
+        ownership,
+        loss_points,
+        loss_rows,
+    ]
     showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
 
     def named(modules: list) -> Loads:
@@ -64,6 +80,7 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
         *made(
             lambda: field_kernels(family)[0],
             lambda: bound_kernel(family),
+            lambda: mask_kernel(family),
             lambda: find_owners_kernel(family),
             lambda: gradient_kernel(family),
         ),

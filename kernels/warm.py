@@ -8,12 +8,15 @@ import numpy as np
 import warp as wp
 
 from .adjoint import differentiable_union
+from .blends import BlendTrials
 from .camera import frame_bounds
 from .cells import cells_of, squared_distances
+from .choice import AdditionSums, Counts
 from .culling import cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
+from .inside import InsideTest
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
 from .loss_points import contributions, drop_blocks, loss_points, weigh_points
@@ -22,13 +25,14 @@ from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
 from .morphology import deepest_core
 from .normal_equations import normal_equations
-from .occupancy import Holdings, RemovalSums
+from .occupancy import Holdings
 from .owned_points import owned_points
 from .ownership import find_owners, ownership_arrays
 from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
 from .raytrace import render_assembly, render_mesh
+from .replacement import Prices, replace_members
 from .rows import SHAPE, SHAPES, empty_rows
 from .steps import Damping, advance, judge_alone, judge_together, step_state
 
@@ -41,9 +45,7 @@ def warm_kernels(device: wp.Device) -> float:
         rows = empty_rows(1)
         rows[0, SHAPES:-2] = entry.shape_row()
         _warm_primitives(PrimitiveSet(rows, [name], device, requires_grad=True), points)
-    holdings = Holdings(np.ones((1, 4), bool), device)
-    holdings.weigh([(np.arange(4), np.ones(4))])
-    RemovalSums(holdings, np.ones(4, np.int32), np.zeros(4), np.ones(4)).of([0])
+        _warm_selection(PrimitiveSet(rows, [name], device), points)
     _warm_grids(device)
     return time.perf_counter() - begin
 
@@ -63,6 +65,19 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
     owned = owned_points(points, np.zeros(len(points)), 1, np.zeros(len(points)), device=primitives.device)
     normal_equations(primitives, owned, 30.0)
     _warm_refinement(primitives, points)
+
+
+def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
+    holdings = Holdings(len(points), primitives.device)
+    holdings.append(InsideTest(points, primitives.device).masks(primitives))
+    holdings.common([0])
+    counts = Counts(holdings, np.zeros(len(points)), np.ones(len(points)))
+    additions = AdditionSums(counts)
+    counts.count(0, 1)
+    additions.mend()
+    replace_members(counts, [0], [0], Prices())
+    some = np.zeros(2)
+    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, primitives.device).sums_of(1, [0.0])
 
 
 def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:

@@ -140,7 +140,7 @@ def test_two_halves_of_a_box_are_merged(device: wp.Device) -> None:
     bench = Workbench(target, config, device, start_rows=halves)
 
     def remembering(rows: np.ndarray) -> CandidateMemory:
-        memory = CandidateMemory(bench.inside, device)
+        memory = CandidateMemory(bench.inside, len(bench.samples.points), device)
         memory.rows = [rows]
         memory.holdings.append(bench.inside(rows))
         return memory
