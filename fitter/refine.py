@@ -15,11 +15,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import warp as wp
 
+from ..kernels.idle import drop_idle
 from ..kernels.loss_points import MASK as MASK
 from ..kernels.loss_points import contributions, drop_blocks, loss_points, weigh_points
 from ..kernels.loss_rows import RowSorter
 from ..kernels.normal_equations import normal_equations_at, partial_systems
-from ..kernels.ownership import find_owners, ownership_arrays
+from ..kernels.ownership import find_owners, list_candidates, ownership_arrays
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.replay import Replay
 from ..kernels.steps import Damping, advance, judge_together, rows_of, step_state
@@ -28,15 +29,15 @@ from .config import RefineConfig
 from .levenberg import fit_ranges
 from .objective import ObjectiveSamples
 
-SHARED_DAMPING = Damping(better=0.4, worse=6.0, least=1e-5)
+SHARED_DAMPING = Damping(better=0.7, worse=4.0, least=1e-5)
 
 MOST_BLEND = 0.055
 """Largest blend radius, normalised units. A blend of 0 stays 0."""
 
-RAISE = 1.5
+RAISE = 2.4
 """The sharpness rises by about this factor at a time: each time starts from a new loss, at all points."""
 
-ANNEALED = 0.5
+ANNEALED = 0.3
 """Share of the steps after which it rises no more."""
 
 
@@ -127,18 +128,20 @@ class RefineStep:
         wp.copy(self.trial.rows, self.state.rows)
         self.trial.derive()
         self.owners.live.fill_(1)
-        self.find_owners()
+        self.list_candidates()
+        find_owners(self.trial, self.points.blocks, self.owners)
         drop_blocks(self.points, self.owners, self.betas)
+        drop_idle(self.trial, self.points.blocks, self.betas, self.owners)
         self.judge_and_advance()
 
-    def find_owners(self) -> None:
-        """Of all points that are not left out."""
-        find_owners(self.trial, self.points.blocks, self.points.bounds, self.betas, self.owners)
+    def list_candidates(self) -> None:
+        """Show all blocks what can matter there, wherever primitives move until the sharpness rises again."""
+        list_candidates(self.trial, self.points.blocks, self.points.bounds, self.betas, self.owners)
 
     def launch(self) -> None:
         """Evaluate the trial and its systems, keep it if the loss fell, and move on to the next trial; `run` repeats
         it. On a GPU `sharpen` has loaded the kernels before."""
-        self.find_owners()
+        find_owners(self.trial, self.points.blocks, self.owners)
         self.judge_and_advance()
 
     def judge_and_advance(self) -> None:

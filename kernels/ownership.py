@@ -2,7 +2,7 @@
 
 Each block of points is shown only the primitives that can matter there: those that can change the union, and those
 that can cover a point (be below a given distance), of which the second nearest is wanted. Everything stays on the
-device; owners are found anew at every step of a refinement.
+device; owners are found anew at every step of a refinement, lists only when the sharpness rises.
 """
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
@@ -52,7 +52,7 @@ class Ownership:
     share: wp.array
     """(n,) in [1/2, 1]: derivative of the union to the owner, as far as these two go; the second has the rest."""
     ids: wp.array
-    """(block_count * primitive_count,) int32: primitives shown to each block, in list order."""
+    """(block_count * primitive_count,) int32: primitives shown to each block, in list order; negative is none."""
     counts: wp.array
     """(block_count,) int32: how many."""
     live: wp.array
@@ -254,10 +254,10 @@ def find_owners_kernel(name: str) -> wp.Kernel:
     return fold_owners_kernel
 
 
-def find_owners(
+def list_candidates(
     primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds, betas: wp.array, out: Ownership
 ) -> None:
-    """Owners of all points, on the device.
+    """Show each live block the primitives that can matter there.
 
     Args:
         primitives: the assembly, at least one primitive.
@@ -288,6 +288,17 @@ def find_owners(
         device,
         seconds_per_thread=5e-9 * count,
     )
+
+
+def find_owners(primitives: PrimitiveSet, blocks: PointBlocks, out: Ownership) -> None:
+    """Owners of all points of live blocks, among the primitives that those are shown.
+
+    Args:
+        primitives: the assembly, at least one primitive.
+        blocks: the points.
+        out: with lists from `list_candidates`.
+    """
+    device, count = blocks.device, len(primitives)
     for run in primitives.runs:
         launch(
             find_owners_kernel(run.family.name),

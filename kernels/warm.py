@@ -16,6 +16,7 @@ from .culling import cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
+from .idle import drop_idle
 from .inside import InsideTest
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
@@ -27,7 +28,7 @@ from .morphology import deepest_core
 from .normal_equations import normal_equations
 from .occupancy import Holdings
 from .owned_points import owned_points
-from .ownership import find_owners, ownership_arrays
+from .ownership import find_owners, list_candidates, ownership_arrays
 from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
@@ -84,8 +85,10 @@ def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
     shown = loss_points(points, np.zeros(len(points)), np.ones(len(points)), primitives.device)
     owners, found = ownership_arrays(1, shown.blocks, shown.bounds), contributions(1, shown)
     betas = wp.full(1, 30.0, dtype=float, device=primitives.device)
-    find_owners(primitives, shown.blocks, shown.bounds, betas, owners)
+    list_candidates(primitives, shown.blocks, shown.bounds, betas, owners)
+    find_owners(primitives, shown.blocks, owners)
     drop_blocks(shown, owners, betas)
+    drop_idle(primitives, shown.blocks, betas, owners)
     weigh_points(shown, owners, 1, betas, 0.1, found)
     RowSorter(1, shown, owners, found, 0.1).sort()
     state = step_state(primitives.rows_numpy(), np.zeros(SHAPE), np.ones(SHAPE), primitives.device)

@@ -13,8 +13,11 @@ from resfit.fitter.refine import RefineStep, refine, sharpness_levels
 from resfit.kernels import launch as launching
 from resfit.kernels.curve import curve_codes, hilbert_codes
 from resfit.kernels.field import evaluate_primitives
+from resfit.kernels.loss_points import MOVE
 from resfit.kernels.normal_equations import normal_equations
 from resfit.kernels.owned_points import OWNER_BLOCK, owned_points
+from resfit.kernels.ownership import find_owners
+from resfit.kernels.points import BLOCK
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TANGENT
 from resfit.kernels.small_solve import RESIDUAL, SYSTEM, UNKNOWNS
@@ -134,7 +137,8 @@ def test_owners(count, device, rng):
     step = stepped(rows, families, samples, device, beta)
     step.owners.live.fill_(1)
     step.trial.set_rows(rows)
-    step.find_owners()
+    step.list_candidates()
+    find_owners(step.trial, step.points.blocks, step.owners)
     found = step.owners
     size = len(samples.points)
     points = np.stack([getattr(step.points.blocks, axis).numpy()[:size] for axis in "xyz"], 1)
@@ -150,6 +154,29 @@ def test_owners(count, device, rng):
     np.testing.assert_array_equal(found.runner_up.numpy()[:size][matters], runner_up[matters])
     assert (found.runner_up.numpy()[:size] >= runner_up).all()
     assert found.counts.numpy().mean() < count or count < 40, "some blocks see fewer primitives"
+
+
+def test_what_is_dropped_from_the_lists_does_not_matter(device, rng):
+    """Primitives that move by less than MOVE own the same points by the shortened lists as by new ones."""
+    families = (MIXED * 7)[:40]
+    rows = random_rows(rng, families)
+    samples = samples_of(rows, families, rng, device)
+    step = stepped(rows, families, samples, device, 40.0)
+    live = np.repeat(step.owners.live.numpy() > 0, BLOCK)
+    shortened = step.owners.ids.numpy()
+    assert (shortened < 0).any()
+    moved = rows.copy()
+    turn = rng.normal(size=(len(rows), 3))
+    moved[:, :3] += (0.9 * MOVE * turn / np.linalg.norm(turn, axis=1, keepdims=True)).astype(np.float32)
+    step.trial.set_rows(moved)
+    found = []
+    for prepare in (lambda: None, step.list_candidates):
+        prepare()
+        find_owners(step.trial, step.points.blocks, step.owners)
+        found.append([values.numpy()[live] for values in (step.owners.field, step.owners.owner)])
+    near = found[1][0] < 0.1
+    np.testing.assert_allclose(found[0][0][near], found[1][0][near], atol=2e-4)
+    np.testing.assert_array_equal(found[0][1][near], found[1][1][near])
 
 
 @pytest.mark.parametrize("beta", [30.0, 120.0])
