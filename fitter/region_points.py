@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..decomposition.region import Region
+from ..kernels.cells import coordinates
 
 INSIDE_SHARE, OUTSIDE_SHARE = 0.45, 0.4
 """Shares of a region's points that lie in it and outside the solid; the rest lies in other parts of the solid."""
@@ -67,33 +68,33 @@ def _sample_region(
     margin = np.maximum(2, (0.15 * shape.max()).astype(int))
     low = np.maximum(region.lower - margin, 0)
     high = np.minimum(region.lower + shape + margin, resolution)
-    box = grid[low[0] : high[0], low[1] : high[1], low[2] : high[2]]
-    inside = np.zeros(box.shape, bool)
+    box = np.ascontiguousarray(grid[tuple(slice(*edges) for edges in zip(low, high, strict=True))])
     at = region.lower - low
-    inside[at[0] : at[0] + shape[0], at[1] : at[1] + shape[1], at[2] : at[2] + shape[2]] = region.mask
-    inside_cells = np.flatnonzero(inside)
+    inner = tuple(slice(begin, begin + size) for begin, size in zip(at, shape, strict=True))
+    inside_cells = np.flatnonzero(region.mask)
     outside_cells = np.flatnonzero(box > 0)
-    other_cells = np.flatnonzero((box <= 0) & ~inside)
+    other = box <= 0
+    other[inner] &= ~region.mask
+    other_cells = np.flatnonzero(other)
     wanted_other = int(count * (1 - INSIDE_SHARE - OUTSIDE_SHARE)) if len(other_cells) else 0
     wanted_inside = int(count * INSIDE_SHARE)
     wanted_outside = count - wanted_inside - wanted_other if len(outside_cells) else 0
     wanted_inside = count - wanted_outside - wanted_other
-    chosen = np.concatenate(
+    index = np.concatenate(
         [
-            _choose(inside_cells, wanted_inside, rng),
-            _choose(outside_cells, wanted_outside, rng),
-            _choose(other_cells, wanted_other, rng),
-        ]
+            coordinates(_choose(inside_cells, wanted_inside, rng), region.mask.shape) + at[:, None],
+            coordinates(_choose(outside_cells, wanted_outside, rng), box.shape),
+            coordinates(_choose(other_cells, wanted_other, rng), box.shape),
+        ],
+        axis=1,
     )
     spacing = 2.0 / resolution
-    index = np.stack(np.unravel_index(chosen, box.shape), axis=1) + low
-    points = (-1.0 + (index + 0.5) * spacing).astype(np.float32)
-    distance = box.ravel()[chosen].astype(np.float32)
+    points = (-1.0 + (index.T + low + 0.5) * spacing).astype(np.float32)
+    distance = box[tuple(index)].astype(np.float32)
     weight = np.ones(count, np.float32)
-    other = np.arange(count) >= wanted_inside + wanted_outside
-    distance[other] = spacing
-    weight[other] = OTHER_WEIGHT
-    depth = float(-box.ravel()[inside_cells].min(initial=-0.5 * spacing))
+    distance[wanted_inside + wanted_outside :] = spacing
+    weight[wanted_inside + wanted_outside :] = OTHER_WEIGHT
+    depth = float(-box[inner][region.mask].min(initial=-0.5 * spacing))
     return points, distance, weight, depth
 
 
