@@ -23,6 +23,8 @@ import warp as wp
 
 from resfit.errors import DeviceError
 
+from .cores import core_count
+
 VECTOR_FLAGS = (
     "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
     " -ffp-contract=fast -fno-slp-vectorize -mreassociate -fno-signed-zeros"
@@ -39,6 +41,9 @@ precompiled header is made once for each set of flags, which takes as long as se
 
 SPLIT_SECONDS = 1.5e-4
 """A launch shorter than this loses more by the hand-over to a second thread (about 15 us) than it gains."""
+
+SWITCH_SECONDS = 5e-4
+"""After which a thread that holds the interpreter lock passes it on, where several work side by side."""
 
 _NOTICE_SECONDS = 0.7
 """Loading a cached module takes milliseconds; one that takes longer than this is being compiled."""
@@ -82,16 +87,6 @@ def _quiet_stderr() -> Iterator[None]:
         os.close(saved)
 
 
-def core_count() -> int:
-    """CPU cores to use: RESFIT_THREADS, or all that this process may run on."""
-    asked = os.environ.get("RESFIT_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        return int(asked)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _cores_here() -> int:
     """Cores that launches of this thread are split over."""
     return getattr(_local, "cores", None) or core_count()
@@ -106,6 +101,17 @@ def on_cores(count: int) -> Iterator[None]:
         yield
     finally:
         _local.cores = before
+
+
+@contextmanager
+def often_switching() -> Iterator[None]:
+    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def choose_device(name: str = "auto") -> wp.Device:

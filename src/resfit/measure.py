@@ -14,7 +14,7 @@ from resfit.assembly.colors import palette_color
 from resfit.assembly.history import History, HistoryRound, score_values
 from resfit.assembly.provenance import Provenance
 from resfit.assembly.transform import Transform
-from resfit.clock import Clock, peak_mb
+from resfit.clock import Clock, peak_mb, timed
 from resfit.eval.metrics import measure_cheap, measure_deviation
 from resfit.fitter.assess import score_values as score_rows
 from resfit.fitter.assess import values_at
@@ -26,7 +26,7 @@ from resfit.kernels import launch
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
-from resfit.result import FitResult, describe_input, timed
+from resfit.result import FitResult, describe_input
 from resfit.target.target import Target
 
 UNRECORDED = ("device", "timeout", "seed", "preset")

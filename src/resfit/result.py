@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +16,7 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.atomic_write import write_bytes
 from resfit.assembly.colors import rgb
 from resfit.assembly.history import History
-from resfit.clock import Clock, peak_mb
+from resfit.clock import Clock, peak_mb, timed
 from resfit.eval.metrics import Deviation
 from resfit.export.by_suffix import export_assembly
 from resfit.export.facts import report_facts, up_axis
@@ -196,16 +194,6 @@ class FitResult:
         colors = np.array([rgb(part.color) for part in self.assembly.primitives]).reshape(-1, 3)
         left = render_mesh(target.vertices, target.faces, camera, width, height, device=device)
         return np.concatenate([left, render_assembly(primitives, colors, camera, width, height)], axis=1)
-
-
-@contextmanager
-def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the wall time of a block to its stage."""
-    begin = time.perf_counter()
-    try:
-        yield
-    finally:
-        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begin
 
 
 def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:
