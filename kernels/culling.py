@@ -168,28 +168,15 @@ def bound_blocks(blocks: PointBlocks) -> BlockBounds:
     return BlockBounds(*arrays)
 
 
-def cull(
-    primitives: PrimitiveSet,
-    blocks: PointBlocks,
-    bounds: BlockBounds | None = None,
-    wanted: wp.array | None = None,
-) -> ActiveLists:
-    """Active lists of every block. Exact: the union over them has the same values as over all primitives.
+def bound_primitives(
+    primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds
+) -> tuple[wp.array, wp.array]:
+    """Each primitive alone over each block: its value at the middle, and how far others are from that at most.
 
-    Args:
-        primitives: the assembly.
-        blocks: the points.
-        bounds: of the blocks, if they are known.
-        wanted: (block_count,) int32, 0 where a block's values do not matter as long as they are positive outside the
-            union: there it may come out as FAR. All blocks matter unless given.
+    Both (primitive_count * padded_count(block_count),), primitive-major; without MARGIN.
     """
-    device = blocks.device
-    if wanted is None:
-        wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
-    bounds = bounds or bound_blocks(blocks)
-    size = padded_count(blocks.block_count)
-    middle = wp.empty(len(primitives) * size, dtype=float, device=device)
-    reach = wp.empty(len(primitives) * size, dtype=float, device=device)
+    device, size = blocks.device, padded_count(blocks.block_count)
+    middle, reach = (wp.empty(len(primitives) * size, dtype=float, device=device) for _ in range(2))
     for run in primitives.runs:
         launch(
             bound_kernel(run.family.name),
@@ -208,12 +195,34 @@ def cull(
             device,
             seconds_per_thread=3e-7,
         )
+    return middle, reach
+
+
+def cull(
+    primitives: PrimitiveSet,
+    blocks: PointBlocks,
+    bounds: BlockBounds | None = None,
+    wanted: wp.array | None = None,
+) -> ActiveLists:
+    """Active lists of every block. Exact: the union over them has the same values as over all primitives.
+
+    Args:
+        primitives: the assembly.
+        blocks: the points.
+        bounds: of the blocks, if they are known.
+        wanted: (block_count,) int32, 0 where a block's values do not matter as long as they are positive outside the
+            union: there it may come out as FAR. All blocks matter unless given.
+    """
+    device = blocks.device
+    if wanted is None:
+        wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
+    middle, reach = bound_primitives(primitives, blocks, bounds or bound_blocks(blocks))
     ids = wp.empty(max(1, blocks.block_count * len(primitives)), dtype=int, device=device)
     counts = wp.empty(max(1, blocks.block_count), dtype=int, device=device)
     launch(
         cull_blocks_kernel,
         blocks.block_count,
-        [primitives.rows, middle, reach, len(primitives), size, wanted],
+        [primitives.rows, middle, reach, len(primitives), padded_count(blocks.block_count), wanted],
         [ids, counts],
         device,
         seconds_per_thread=5e-9 * len(primitives),

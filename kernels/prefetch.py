@@ -35,6 +35,7 @@ from . import (
 from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
+from .holders import count_kernel
 from .launch import core_count, load_module
 from .normal_equations import add_systems_kernel, normal_equations_kernel
 from .ownership import find_owners_kernel
@@ -65,6 +66,7 @@ def modules_of_fit(family: str) -> Loads:
             lambda: bound_kernel(family),
             lambda: find_owners_kernel(family),
             lambda: gradient_kernel(family),
+            lambda: count_kernel(family),
         ),
         *named(showing),
     ]

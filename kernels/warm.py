@@ -9,10 +9,11 @@ import warp as wp
 
 from .adjoint import differentiable_union
 from .camera import frame_bounds
-from .culling import cull
+from .culling import bound_blocks, cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
+from .holders import count_holders
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
 from .loss_points import contributions, drop_blocks, loss_points, weigh_points
@@ -52,6 +53,7 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
     primitives_at(primitives, blocks)
     union_at(primitives, blocks, lists=cull(primitives, blocks))
     union_gradient_at(primitives, blocks)
+    count_holders(primitives, blocks, bound_blocks(blocks))
     jacobian(primitives, points, np.zeros(len(points)))
     tape = wp.Tape()
     field = differentiable_union(primitives, blocks, tape)

@@ -21,11 +21,13 @@ from resfit.fitter.assess import values_at
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.objective import Score, Tally
 from resfit.fitter.outcome import Outcome
+from resfit.fitter.refine import fold
 from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
+from resfit.kernels.union import FAR
 from resfit.result import FitResult, describe_input
 from resfit.target.target import Target
 
@@ -91,13 +93,15 @@ def part_gains(
     samples = objective_samples(target)
     device = launch.choose_device(config.device)
     values = values_at(rows, families, point_blocks(samples.points, device), device)
-    tally, everyone = Tally(samples), np.arange(len(rows))
-    whole = score_rows(values, rows[:, BLEND], tally, config.parsimony)
-    gains = []
-    for index in range(len(rows)):
-        others = everyone != index
-        rest = score_rows(values[others], rows[others, BLEND], tally, config.parsimony)
-        gains.append(whole.objective - rest.objective)
+    tally, blends, held = Tally(samples), rows[:, BLEND], (values < 0).sum(0)
+    whole = score_rows(values, blends, tally, config.parsimony)
+    # The union of the parts before one is the same for all that follow it.
+    gains, before = [], np.full(values.shape[1], FAR, np.float32)
+    for index, value in enumerate(values):
+        rest = fold([before, *values[index + 1 :]], [0.0, *blends[index + 1 :]])
+        score = tally.score(rest < 0, held - (value < 0), len(rows) - 1, config.parsimony)
+        gains.append(whole.objective - score.objective)
+        before = fold([before, value], [0.0, blends[index]])
     return whole, tuple(gains)
 
 
