@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
@@ -112,6 +112,28 @@ def often_switching() -> Iterator[None]:
         yield
     finally:
         sys.setswitchinterval(before)
+
+
+@contextmanager
+def side_by_side(*jobs: Callable[[], Any]) -> Iterator[list[Future[Any]]]:
+    """Run jobs on threads, each on its share of the cores; what they return or raise is in their futures.
+
+    The first ones begin first: let those be the longest. The block ends when all have ended; if it fails, those that
+    have not begun never do.
+    """
+    workers = min(len(jobs), core_count())
+
+    def run(job: Callable[[], Any]) -> Any:
+        with on_cores(core_count() // workers):
+            return job()
+
+    with often_switching(), ThreadPoolExecutor(workers, thread_name_prefix="resfit-job") as threads:
+        futures = [threads.submit(run, job) for job in jobs]
+        try:
+            yield futures
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def choose_device(name: str = "auto") -> wp.Device:

@@ -64,10 +64,13 @@ def measure_outcome(
     provenance = Provenance.current(seed=config.seed, options=options, input_sha256=target.input_sha256)
     colors = [palette_color(index) for index in range(len(rows))]
     assembly = Assembly.from_rows(rows, families, colors, target.transform, provenance)
-    with timed(timings, "metrics"):
-        score, gains = part_gains(rows, families, target, config)
-        cheap = measure_cheap(assembly, target, config.device)
-        deviation = measure_deviation(assembly, target, config.device)
+    jobs = (
+        lambda: measure_deviation(assembly, target, config.device),
+        lambda: part_gains(rows, families, target, config),
+        lambda: measure_cheap(assembly, target, config.device),
+    )
+    with timed(timings, "metrics"), launch.side_by_side(*jobs) as found:
+        deviation, (score, gains), cheap = (future.result() for future in found)
     cost = {"cpu_s": clock.cpu_s, "wall_s": clock.wall_s, "peak_mb": peak_mb()}
     return FitResult(
         assembly=assembly,
