@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from resfit.errors import InputError
 
@@ -115,6 +114,8 @@ def _mesh_file(mesh: Any, folder: Path) -> Path:
     """The file of a mesh; one in memory is written to `folder`."""
     if isinstance(mesh, str | Path):
         return Path(mesh).resolve()
+    import trimesh
+
     path = folder / "mesh.glb"
     scene = mesh if isinstance(mesh, trimesh.Scene) else trimesh.Scene(mesh)
     scene.export(path)

@@ -9,9 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from ..assembly.assembly import Assembly
-from ..kernels.field import cell_centres, primitives_at, union_at
+from ..kernels.culling import bound_blocks, cull
+from ..kernels.field import cell_centres, union_at
+from ..kernels.holders import count_holders
 from ..kernels.points import from_grid_blocks, grid_blocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.primitives import FAMILIES
@@ -21,9 +24,6 @@ from ..target.target import Target
 
 RESOLUTION = 128
 """Cells along a side for everything that counts cells."""
-
-SLAB = 8
-"""Layers of cells whose primitives are evaluated together: 64 primitives then take 34 MB and not 540."""
 
 POSE_FLOATS, BLEND_FLOATS, TRANSFORM_FLOATS = 7, 1, 4
 """Numbers of a pose (translation, quaternion), of a blend, and of the transform to the mesh's frame."""
@@ -70,17 +70,15 @@ def measure_occupancy(primitives: PrimitiveSet, resolution: int = RESOLUTION) ->
         resolution: cells along a side.
     """
     shape, lower, spacing = cell_centres(resolution)
-    union = np.zeros(shape, bool)
-    count = np.zeros(shape, np.uint16)
-    for begin in range(0, resolution, SLAB):
-        layers = (min(SLAB, resolution - begin), resolution, resolution)
-        corner = (lower[0] + begin * spacing, lower[1], lower[2])
-        blocks = grid_blocks(layers, corner, spacing, primitives.device)
-        part = slice(begin, begin + layers[0])
-        union[part] = from_grid_blocks(union_at(primitives, blocks).numpy(), layers) < 0.0
-        if len(primitives):
-            values = primitives_at(primitives, blocks).numpy().reshape(len(primitives), -1)
-            count[part] = from_grid_blocks((values < 0.0).sum(axis=0, dtype=np.uint16), layers)
+    if not len(primitives):
+        return Occupancy(np.zeros(shape, bool), np.zeros(shape, np.uint16))
+    blocks = grid_blocks(shape, lower, spacing, primitives.device)
+    bounds = bound_blocks(blocks)
+    # Only the sign is asked for, which is known where the bounds are above 0.
+    nowhere = wp.zeros(blocks.block_count, dtype=int, device=primitives.device)
+    field = union_at(primitives, blocks, lists=cull(primitives, blocks, bounds, nowhere)).numpy()
+    union = from_grid_blocks(field < 0.0, shape)
+    count = from_grid_blocks(count_holders(primitives, blocks, bounds).numpy().astype(np.uint16), shape)
     return Occupancy(union, count)
 
 

@@ -18,6 +18,7 @@ from ..assembly.colors import linear_rgb
 from ..assembly.document import FORMAT, VERSION
 from ..assembly.primitive import Primitive
 from ..assembly.surface import part_surface, union_surface
+from .normals import vertex_normals
 
 if TYPE_CHECKING:
     from ..assembly.assembly import Assembly
@@ -70,9 +71,7 @@ class GlbBuilder:
         colors: npt.NDArray[Any] | None = None,
     ) -> int:
         """A mesh of vertices (v, 3), faces (f, 3) and linear colours (v, 3)."""
-        import trimesh
-
-        normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+        normals = vertex_normals(vertices, faces)
         positions = np.ascontiguousarray(vertices, "<f4")
         bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
         attributes = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,6 +27,13 @@ class Surface(Protocol):
     def vertices(self) -> Any: ...
     @property
     def faces(self) -> Any: ...
+
+
+class Triangles(NamedTuple):
+    """The least that is a `Surface`."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
 
 
 def mesh_table(mesh: Surface, assembly: Assembly) -> dict[str, Any] | None:

@@ -6,23 +6,22 @@ cores; what they found is then put together, merged and refined once more.
 
 from __future__ import annotations
 
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
-from ..kernels.launch import core_count, on_cores
+from ..kernels.launch import core_count, often_switching, on_cores
 from ..target.target import Target
 from .assess import choose_blends, rough_volume
 from .config import FitConfig
 from .merge import mergers
 from .objective import at_price
 from .outcome import Outcome, Status
+from .progress import Progress
 from .refine import refine
 from .track import (
     JOINT_RICH,
@@ -33,7 +32,6 @@ from .track import (
     TRACK_SATURATION,
     Track,
 )
-from .workbench import Progress
 
 MERGED = (40.0, 300.0)
 """Sharpness of the refinement of a merged part and those around it."""
@@ -49,9 +47,6 @@ ENDED = (Status.SATURATED, Status.ROUNDS)
 
 POOR_IOU, POOR_SHARE = 0.85, 0.42
 """Below this IoU a fit goes on with primitives at this share of their price."""
-
-SWITCH_SECONDS = 5e-4
-"""After which a thread that holds the interpreter lock passes it on, while two tracks run."""
 
 LOOK_AROUND = 0.1
 """Seconds between looks at a track that is waited for."""
@@ -230,17 +225,6 @@ class Fit(Track):
         kept, score = self.pruned(rows)
         if score.objective > self.score.objective:
             self.rows, self.score = kept, score
-
-
-@contextmanager
-def often_switching() -> Iterator[None]:
-    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual."""
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_SECONDS)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
 
 
 def fit_target(

@@ -26,12 +26,12 @@ from .judge import Judge
 from .loop import fit_target
 from .outcome import Outcome, Status
 from .placement import move_rows, rescale_rows
+from .progress import Progress
 from .propose import fit_regions
 from .refine import refine
 from .select import prune
 from .ties import Copied
 from .trade_off import remove_down_to
-from .workbench import Progress
 
 LEAST_PARTS, MOST_SHARE = 3, 0.8
 """Unless told to, a mesh is not taken apart if fewer parts than this are worth a primitive, or one is nearly all."""

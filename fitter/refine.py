@@ -41,7 +41,7 @@ ANNEALED = 0.3
 """Share of the steps after which it rises no more."""
 
 
-def fold(values: np.ndarray, blends: np.ndarray) -> np.ndarray:
+def fold(values: Sequence[np.ndarray] | np.ndarray, blends: Sequence[float] | np.ndarray) -> np.ndarray:
     """Smooth union (n,) of distances (primitive_count, n), folded left; the first blend is unused."""
     union = values[0]
     for value, blend in zip(values[1:], blends[1:], strict=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from ..target.target import Target
@@ -13,13 +15,22 @@ GUARD_SEED = 11
 HEAVIEST_GUARD = 4.0
 """Thin boxes have far more room around them than in them; a guard there counts no more than this."""
 
+_made: WeakKeyDictionary[Target, ObjectiveSamples] = WeakKeyDictionary()
+"""The samples of each target: a fit asks for them at its beginning, for each track, and at its end."""
+
 
 def objective_samples(target: Target) -> ObjectiveSamples:
     """The target's points near the surface, those of its box, and guards around the box.
 
     The objective's volume is the box. What sticks out of it would cost nothing there: guards, as dense as the points
-    of the box, count it as false volume.
+    of the box, count it as false volume. Made once a target; not to be changed.
     """
+    if target not in _made:
+        _made[target] = _make_samples(target)
+    return _made[target]
+
+
+def _make_samples(target: Target) -> ObjectiveSamples:
     near, volume = target.samples.near, target.samples.volume
     lower, upper = target.lower.astype(np.float64), target.upper.astype(np.float64)
     wide_lower, wide_upper = lower - GUARD, upper + GUARD

@@ -14,11 +14,11 @@ from .judge import Judge
 from .loop import fit_target
 from .outcome import Outcome
 from .per_part import fit_parts, grid_iou
+from .progress import Progress
 from .relations import Relation
 from .snap import snap
 from .ties import Copied
 from .trade_off import RICH_SHARE, Cut, cut_down
-from .workbench import Progress
 
 CURVE_BEGINS, SNAP_BEGINS = 0.7, 0.85
 """Shares of the work, as progress counts it, that are done when these stages begin."""

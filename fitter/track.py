@@ -23,10 +23,11 @@ from .memory import CandidateMemory
 from .objective import at_price
 from .outcome import Round, Status
 from .probes import with_probes
+from .progress import Progress
 from .propose import seed_regions
 from .refine import refine
 from .select import select
-from .workbench import Progress, Workbench
+from .workbench import Workbench
 
 SATURATION = 1e-3
 """A round that raises the objective by less than this is the last."""

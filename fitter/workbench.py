@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -25,25 +24,10 @@ from ..target.target import Target
 from .assess import score_values, values_at
 from .config import FitConfig
 from .objective import Score, Tally
+from .progress import Progress
 from .refine import fold
 from .samples import objective_samples
 from .select import prune
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a fit is, for whoever shows it."""
-
-    stage: str
-    round: int
-    rounds: int
-    primitive_count: int
-    objective: float
-    iou: float
-    fraction: float
-    """Rough share of the work done, 0 to 1."""
-    rows: np.ndarray | None = None
-    """The set of the moment, (primitive_count, ROW) float32, normalised frame; a copy. None where there is none."""
 
 
 class Workbench:

@@ -21,6 +21,7 @@ from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
 from .union import FAR, quarter_inverse, smooth_minimum
+from .vector_math import larger, smaller
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -51,20 +52,31 @@ def bound_blocks_kernel(
     """Bounding sphere of each block: the middle of its box, and the farthest point."""
     block = first + wp.tid()
     base = block * BLOCK_C
-    low = wp.vec3(x[base], y[base], z[base])
-    high = low
-    for j in range(1, BLOCK_C):
-        p = wp.vec3(x[base + j], y[base + j], z[base + j])
-        low = wp.min(low, p)
-        high = wp.max(high, p)
-    middle = 0.5 * (low + high)
+    low_x = float(x[base])
+    low_y = float(y[base])
+    low_z = float(z[base])
+    high_x = float(x[base])
+    high_y = float(y[base])
+    high_z = float(z[base])
+    for j in range(BLOCK_C):
+        low_x = smaller(low_x, x[base + j])
+        low_y = smaller(low_y, y[base + j])
+        low_z = smaller(low_z, z[base + j])
+        high_x = larger(high_x, x[base + j])
+        high_y = larger(high_y, y[base + j])
+        high_z = larger(high_z, z[base + j])
+    middle_x = 0.5 * (low_x + high_x)
+    middle_y = 0.5 * (low_y + high_y)
+    middle_z = 0.5 * (low_z + high_z)
     square = float(0.0)
     for j in range(BLOCK_C):
-        p = wp.vec3(x[base + j], y[base + j], z[base + j]) - middle
-        square = wp.max(square, wp.dot(p, p))
-    out_x[block] = middle[0]
-    out_y[block] = middle[1]
-    out_z[block] = middle[2]
+        dx = x[base + j] - middle_x
+        dy = y[base + j] - middle_y
+        dz = z[base + j] - middle_z
+        square = larger(square, dx * dx + dy * dy + dz * dz)
+    out_x[block] = middle_x
+    out_y[block] = middle_y
+    out_z[block] = middle_z
     out_radius[block] = wp.sqrt(square)
 
 
@@ -217,13 +229,12 @@ def cull(
     if wanted is None:
         wanted = wp.full(max(1, blocks.block_count), 1, dtype=int, device=device)
     middle, reach = bound_primitives(primitives, bounds or bound_blocks(blocks))
-    size = padded_count(blocks.block_count)
     ids = wp.empty(max(1, blocks.block_count * len(primitives)), dtype=int, device=device)
     counts = wp.empty(max(1, blocks.block_count), dtype=int, device=device)
     launch(
         cull_blocks_kernel,
         blocks.block_count,
-        [primitives.rows, middle, reach, len(primitives), size, wanted],
+        [primitives.rows, middle, reach, len(primitives), padded_count(blocks.block_count), wanted],
         [ids, counts],
         device,
         seconds_per_thread=5e-9 * len(primitives),

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
@@ -22,6 +22,8 @@ from typing import Any
 import warp as wp
 
 from resfit.errors import DeviceError
+
+from .cores import core_count
 
 VECTOR_FLAGS = (
     "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
@@ -42,6 +44,9 @@ precompiled header is made once for each set of flags, which takes as long as se
 
 SPLIT_SECONDS = 1.5e-4
 """A launch shorter than this loses more by the hand-over to a second thread (about 15 us) than it gains."""
+
+SWITCH_SECONDS = 5e-4
+"""After which a thread that holds the interpreter lock passes it on, where several work side by side."""
 
 _NOTICE_SECONDS = 0.7
 """Loading a cached module takes milliseconds; one that takes longer than this is being compiled."""
@@ -85,16 +90,6 @@ def _quiet_stderr() -> Iterator[None]:
         os.close(saved)
 
 
-def core_count() -> int:
-    """CPU cores to use: RESFIT_THREADS, or all that this process may run on."""
-    asked = os.environ.get("RESFIT_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        return int(asked)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _cores_here() -> int:
     """Cores that launches of this thread are split over."""
     return getattr(_local, "cores", None) or core_count()
@@ -109,6 +104,39 @@ def on_cores(count: int) -> Iterator[None]:
         yield
     finally:
         _local.cores = before
+
+
+@contextmanager
+def often_switching() -> Iterator[None]:
+    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+@contextmanager
+def side_by_side(*jobs: Callable[[], Any]) -> Iterator[list[Future[Any]]]:
+    """Run jobs on threads, each on its share of the cores; what they return or raise is in their futures.
+
+    The first ones begin first: let those be the longest. The block ends when all have ended; if it fails, those that
+    have not begun never do.
+    """
+    workers = min(len(jobs), core_count())
+
+    def run(job: Callable[[], Any]) -> Any:
+        with on_cores(core_count() // workers):
+            return job()
+
+    with often_switching(), ThreadPoolExecutor(workers, thread_name_prefix="resfit-job") as threads:
+        futures = [threads.submit(run, job) for job in jobs]
+        try:
+            yield futures
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def choose_device(name: str = "auto") -> wp.Device:

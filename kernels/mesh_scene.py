@@ -47,13 +47,16 @@ def mesh_normals_kernel(
     smooth: int,
     origin: wp.array[wp.vec3],
     direction: wp.array[wp.vec3],
+    points: wp.array[wp.vec3],
     # outputs
     out_normal: wp.array[wp.vec3],
 ):
     """Normal at a ray's first hit, towards the eye; smoothed unless the face is at a crease."""
     r = first + wp.tid()
     n = -direction[r]
-    query = wp.mesh_query_ray(mesh, origin[r], direction[r], 1.0e6)
+    # Where it hits is known: nothing beyond needs to be looked at.
+    reach = 1.001 * wp.length(points[r] - origin[r])
+    query = wp.mesh_query_ray(mesh, origin[r], direction[r], reach)
     if query.result:
         n = wp.mesh_eval_face_normal(mesh, query.face)
         if smooth == 1:
@@ -88,6 +91,8 @@ def open_mesh_kernel(
     mesh: wp.uint64,
     points: wp.array[wp.vec3],
     normals: wp.array[wp.vec3],
+    lower: wp.vec3,
+    upper: wp.vec3,
     ray_count: int,
     lift: float,
     reach: float,
@@ -96,6 +101,10 @@ def open_mesh_kernel(
 ):
     """Share of cosine-distributed rays of length `reach` that meet nothing; nearer faces count more."""
     i = first + wp.tid()
+    out_openness[i] = 1.0
+    if wp.length(points[i] - wp.min(wp.max(points[i], lower), upper)) > 1.01 * reach:
+        # Out of reach of the mesh's box, as most of the ground is.
+        return
     n = normals[i]
     side = perpendicular(n)
     other = wp.cross(n, side)
@@ -118,25 +127,32 @@ def light_mesh_kernel(
     mesh: wp.uint64,
     origin: wp.array[wp.vec3],
     direction: wp.array[wp.vec3],
+    middle: wp.vec3,
+    radius: float,
     ray_count: int,
     softness: float,
     lift: float,
     # outputs
     out_light: wp.array[float],
 ):
-    """Share of a light's disc that is seen, from rays spread over it."""
+    """Share of a light's disc that is seen, from rays spread over it; the mesh lies in a ball about its `middle`."""
     r = first + wp.tid()
     d = direction[r]
+    out_light[r] = 1.0
+    away = middle - origin[r]
+    along = wp.dot(away, d)
+    if wp.length(away - along * d) > 1.01 * (radius + softness * wp.max(along + radius, 0.0)):
+        # The whole cone of rays passes it by.
+        return
     side = perpendicular(d)
     other = wp.cross(d, side)
     turn, shift = spread(r)
     seen = float(0.0)
     for k in range(ray_count):
-        radius = softness * wp.sqrt((float(k) + shift) / float(ray_count))
+        aside = softness * wp.sqrt((float(k) + shift) / float(ray_count))
         angle = turn + GOLDEN * float(k)
-        towards = wp.normalize(d + radius * (wp.cos(angle) * side + wp.sin(angle) * other))
-        query = wp.mesh_query_ray(mesh, origin[r] + lift * towards, towards, 1.0e6)
-        if not query.result:
+        towards = wp.normalize(d + aside * (wp.cos(angle) * side + wp.sin(angle) * other))
+        if not wp.mesh_query_ray_anyhit(mesh, origin[r] + lift * towards, towards, 1.0e6):
             seen += 1.0
     out_light[r] = seen / float(ray_count)
 
@@ -194,7 +210,15 @@ class MeshScene:
         launch(
             mesh_normals_kernel,
             rays.count,
-            [self._mesh.id, self._faces, self._normals, int(self._smooth), rays.origin, rays.direction],
+            [
+                self._mesh.id,
+                self._faces,
+                self._normals,
+                int(self._smooth),
+                rays.origin,
+                rays.direction,
+                points,
+            ],
             [normals],
             self.device,
             seconds_per_thread=RAY_SECONDS,
@@ -207,7 +231,16 @@ class MeshScene:
         launch(
             open_mesh_kernel,
             points.shape[0],
-            [self._mesh.id, points, normals, self._open_rays, 2e-4 * self.size, OPEN_WITHIN * self.size],
+            [
+                self._mesh.id,
+                points,
+                normals,
+                wp.vec3(*self.lower.tolist()),
+                wp.vec3(*self.upper.tolist()),
+                self._open_rays,
+                2e-4 * self.size,
+                OPEN_WITHIN * self.size,
+            ],
             [result],
             self.device,
             seconds_per_thread=RAY_SECONDS * self._open_rays,
@@ -220,7 +253,16 @@ class MeshScene:
         launch(
             light_mesh_kernel,
             rays.count,
-            [self._mesh.id, rays.origin, rays.direction, self._light_rays, softness, 2e-4 * self.size],
+            [
+                self._mesh.id,
+                rays.origin,
+                rays.direction,
+                wp.vec3(*(0.5 * (self.lower + self.upper)).tolist()),
+                0.5 * self.size,
+                self._light_rays,
+                softness,
+                2e-4 * self.size,
+            ],
             [result],
             self.device,
             seconds_per_thread=RAY_SECONDS * self._light_rays,

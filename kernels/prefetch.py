@@ -40,6 +40,7 @@ from . import (
 from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
+from .holders import count_kernel
 from .idle import drop_idle_kernel
 from .inside import mask_kernel
 from .launch import core_count, load_module
@@ -85,6 +86,7 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
             lambda: find_owners_kernel(family),
             lambda: drop_idle_kernel(family),
             lambda: gradient_kernel(family),
+            lambda: count_kernel(family),
         ),
         *named(showing),
     ]

@@ -12,10 +12,11 @@ from .blends import BlendTrials
 from .camera import frame_bounds
 from .cells import cells_of, squared_distances
 from .choice import AdditionSums, Counts
-from .culling import cull
+from .culling import bound_blocks, cull
 from .distance_grid import signed_distance_transform
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
+from .holders import count_holders
 from .idle import drop_idle
 from .inside import InsideTest
 from .isosurface import extract_isosurface
@@ -56,6 +57,7 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
     primitives_at(primitives, blocks)
     union_at(primitives, blocks, lists=cull(primitives, blocks))
     union_gradient_at(primitives, blocks)
+    count_holders(primitives, blocks, bound_blocks(blocks))
     jacobian(primitives, points, np.zeros(len(points)))
     tape = wp.Tape()
     field = differentiable_union(primitives, blocks, tape)

@@ -6,11 +6,14 @@ Frame: normalised, so that curvatures are in 1 / normalised units: a ball of rad
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from .topology import adjacent_faces, connected_labels, find_edges
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 MAX_CURVATURE = 20.0
 """Curvatures are clamped to this; creases, and whatever is near them, have it."""
@@ -121,6 +124,9 @@ def _crease_points(
 ) -> KDTree | None:
     if not len(crease):
         return None
+    # Loaded in the background since the mesh was read.
+    from scipy.spatial import KDTree
+
     side = np.zeros(int(side_edge.max()) + 1, np.int64)
     side[side_edge.ravel()] = np.arange(side_edge.size)
     side = side[crease]

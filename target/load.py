@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from resfit.errors import InputError
 
+from .reader import MeshReader
 from .weld import clean_faces, face_areas, weld_vertices
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
     Raises:
         InputError: if it cannot be read or holds no surface.
     """
+    if isinstance(source, MeshReader):
+        return source.read()
     if isinstance(source, str | PathLike):
         path = Path(source)
         name = f"'{path}'"

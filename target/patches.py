@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
-from scipy import ndimage
 
 from ..kernels.mesh_grid import unsigned_distance_grid
 from ..kernels.mesh_probe import winding_numbers
@@ -126,6 +125,9 @@ def judge_by_flood(
     Returns:
         (patches,) int; BOUNDARY where nothing was judged.
     """
+    # Few meshes come here, and all would wait for it.
+    from scipy import ndimage
+
     count = int(patch.max()) + 1
     verdict = np.full(count, BOUNDARY)
     verdict[np.unique(patch[judged])] = SHEET

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     import trimesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Target:
-    """A shape to be fitted, in the normalised frame: bounding box centred, longest side 1.8."""
+    """A shape to be fitted, in the normalised frame: bounding box centred, longest side 1.8. Equal only to itself."""
 
     transform: Transform
     """Takes normalised points to the mesh's frame."""

@@ -19,6 +19,7 @@ from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
 from resfit.errors import InputError
 from resfit.export.by_suffix import WRITERS, export_assembly
+from resfit.export.normals import vertex_normals
 
 HALF = (0.5, 0.5, 0.5, 0.5)
 
@@ -169,3 +170,12 @@ def test_public_name_is_always_callable(assembly: Assembly, tmp_path: Path) -> N
     importlib.import_module("resfit.export.mesh")
     resfit.export(assembly, tmp_path / "b.stl", merged=False, resolution=8)
     assert (tmp_path / "a.stl").read_bytes() == (tmp_path / "b.stl").read_bytes()
+
+
+def test_normals_are_those_of_trimesh() -> None:
+    mesh = trimesh.creation.annulus(0.3, 0.5, 1.0)
+    # A face without an area, and a vertex of no face.
+    vertices = np.concatenate([mesh.vertices, [[2.0, 0.0, 0.0]]])
+    faces = np.concatenate([mesh.faces, [[0, 0, 1]]])
+    expected = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    np.testing.assert_allclose(vertex_normals(vertices, faces), expected, atol=1e-12)

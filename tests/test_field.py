@@ -9,9 +9,17 @@ from reference import primitive, union
 from scenes import random_rows, vectors
 
 from resfit.kernels import launch as launching
-from resfit.kernels.culling import active_lists, cull, every_primitive
-from resfit.kernels.field import cell_centres, evaluate_assembly, evaluate_grid, evaluate_primitives, union_at
+from resfit.kernels.culling import active_lists, bound_blocks, cull, every_primitive
+from resfit.kernels.field import (
+    cell_centres,
+    evaluate_assembly,
+    evaluate_grid,
+    evaluate_primitives,
+    primitives_at,
+    union_at,
+)
 from resfit.kernels.gradient import evaluate_gradient
+from resfit.kernels.holders import count_holders
 from resfit.kernels.points import grid_blocks, point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
@@ -73,6 +81,22 @@ def test_culling_changes_no_bit(blend, device, rng):
             np.testing.assert_array_equal(culled, dense)
         if blend < 0.1:
             assert lists.counts.numpy().mean() < 0.6 * len(families)
+
+
+def test_holders_are_those_that_dense_evaluation_finds(device, rng):
+    """Counts agree with every primitive's sign at every point, and blocks deep inside are counted whole."""
+    families = ["superfrustum"] * 12 + ["cuboid", "superquadric"]
+    rows = random_rows(rng, families)
+    rows[0, SHAPES : SHAPES + 3] = 1.5
+    primitives = PrimitiveSet(rows, families, device)
+    for blocks in (
+        point_blocks(cloud(rng, 5000), device),
+        grid_blocks((40, 40, 40), (-1, -1, -1), 0.05, device),
+    ):
+        values = primitives_at(primitives, blocks).numpy().reshape(len(rows), -1)
+        found = count_holders(primitives, blocks, bound_blocks(blocks)).numpy()
+        np.testing.assert_array_equal(found, (values < 0).sum(axis=0))
+        assert found.max() > 1 and found.min() == 0
 
 
 def test_reach_bounds_the_field(device, rng):

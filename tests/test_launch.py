@@ -5,6 +5,7 @@
 import ast
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -105,6 +106,30 @@ def test_a_thread_keeps_to_its_cores(device, monkeypatch):
     with launching.on_cores(1):
         launching.launch(write_index_kernel, 1000, [3], [out], device, seconds_per_thread=1.0)
     assert out.numpy()[-1] == 3 * 999 + 1
+
+
+@pytest.mark.parametrize("cores", [1, 2, 8])
+def test_jobs_run_side_by_side_on_their_share(cores, monkeypatch):
+    monkeypatch.setattr(launching, "core_count", lambda: cores)
+    with launching.side_by_side(*[launching._cores_here] * 3) as found:
+        assert [future.result() for future in found] == [max(1, cores // 3)] * 3
+    assert launching._cores_here() == cores
+
+
+def test_a_job_that_fails_keeps_others_from_beginning(monkeypatch):
+    monkeypatch.setattr(launching, "core_count", lambda: 1)
+    begun = []
+
+    def fail():
+        raise OSError("the disk is full")
+
+    def begin():
+        time.sleep(0.2)
+        begun.append(1)
+
+    with pytest.raises(OSError, match="full"), launching.side_by_side(fail, begin, begin, begin) as found:
+        found[0].result()
+    assert len(begun) <= 1
 
 
 def test_modules_of_a_fit_are_those_that_it_uses(device):

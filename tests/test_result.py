@@ -17,9 +17,11 @@ from resfit.assembly.colors import palette_color
 from resfit.assembly.history import History
 from resfit.assembly.transform import Transform
 from resfit.errors import AssemblyError, InputError
+from resfit.fitter.config import preset_config
 from resfit.fitter.outcome import Status
 from resfit.folder import OURS, check_folder, holds_fit
 from resfit.kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
+from resfit.measure import part_gains
 from resfit.result import FitResult
 
 WRITTEN = sorted(OURS)
@@ -38,6 +40,19 @@ def mesh() -> trimesh.Trimesh:
 @pytest.fixture(scope="module")
 def result(mesh: trimesh.Trimesh) -> FitResult:
     return resfit.fit(mesh, preset="fast", device="cpu")
+
+
+def test_gains_are_what_each_part_adds(result: FitResult) -> None:
+    config = preset_config("fast", device="cpu")
+    rows, families = np.repeat(result.assembly.rows(), 2, axis=0), ["superfrustum"] * 4
+    rows[1::2, SHAPES : SHAPES + 3] *= 0.7
+    rows[:, BLEND] = 0.03
+    whole, gains = part_gains(rows, families, result.target, config)
+    for index, gain in enumerate(gains):
+        rest = part_gains(np.delete(rows, index, axis=0), families[1:], result.target, config)[0]
+        assert gain == whole.objective - rest.objective
+    alone, gains = part_gains(rows[:1], families[:1], result.target, config)
+    assert gains == (alone.objective,)
 
 
 def test_two_boxes_are_found(result: FitResult) -> None:

@@ -8,12 +8,16 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from resfit.loading import without_collector
+
 if TYPE_CHECKING:
-    from resfit.api import FitConfig, FitResult, evaluate, export, fit
+    from resfit.api import evaluate, export, fit
     from resfit.assembly.assembly import Assembly
     from resfit.assembly.primitive import Pose, Primitive
     from resfit.assembly.transform import Transform
     from resfit.errors import ResfitError
+    from resfit.fitter.config import FitConfig
+    from resfit.result import FitResult
 
     __version__: str
 
@@ -52,7 +56,8 @@ def __getattr__(name: str) -> Any:
         return version("resfit")
     if name not in _HOMES:
         raise AttributeError(f"module 'resfit' has no attribute '{name}'")
-    value = getattr(import_module(_HOMES[name]), name)
+    with without_collector():
+        value = getattr(import_module(_HOMES[name]), name)
     if name != "export":
         globals()[name] = value
     return value

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from resfit.clock import timed
 from resfit.fitter.config import FitConfig
 from resfit.fitter.relations import sum_up
 from resfit.fitter.stages import Fitted
-from resfit.result import FitResult, timed
+from resfit.result import FitResult
 from resfit.target.target import Target
 from resfit.trade_off import measure_curve
 

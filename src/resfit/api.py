@@ -9,35 +9,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import numpy as np
+import warp as wp
 
-from resfit.additions import add_stages
-from resfit.assembly.assembly import Assembly
 from resfit.assembly.transform import Transform
-from resfit.clock import Clock
+from resfit.clock import Clock, timed
 from resfit.errors import InputError
-from resfit.eval.evaluate import Align
-from resfit.eval.evaluate import evaluate as evaluate_prediction
-from resfit.eval.prediction import rows_in_frame
 from resfit.export.by_suffix import export_assembly as export
-from resfit.fitter.chamfer import move_assembly
 from resfit.fitter.config import FitConfig, preset_config
-from resfit.fitter.stages import fit_stages
-from resfit.fitter.workbench import Progress
+from resfit.fitter.progress import TARGET_SHARE, Progress
 from resfit.kernels import launch
 from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
-from resfit.measure import measure_outcome
-from resfit.result import FitResult, timed
-from resfit.target.target import Target, make_target
+from resfit.loading import load_behind, without_collector
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Assembly", "FitConfig", "FitResult", "Progress", "evaluate", "export", "fit"]
+    from resfit.assembly.assembly import Assembly
+    from resfit.eval.evaluate import Align
+    from resfit.result import FitResult
+    from resfit.target.target import Target
 
-TARGET_SHARE = 0.1
-"""Of the work, as the progress bar counts it: what loading and measuring the mesh takes."""
+__all__ = ["FitConfig", "Progress", "evaluate", "export", "fit"]
 
 TARGET_STAGES = ("load", "solid", "grid", "samples")
 
@@ -98,14 +92,21 @@ def fit(
     begin, compiled = Clock.now(), launch.compile_seconds
     device = launch.choose_device(config.device)
     prefetch(config.primitive, device)
-    timings = {"start": clock.wall_s}
+    timings: dict[str, float] = {}
     tell = on_progress or (lambda progress: None)
-    target = _measure(mesh_or_path, config, tell, timings)
+    with without_collector(), launch.often_switching():
+        target = _measure(mesh_or_path, config, device, tell, clock, timings)
+        # There by now, or nearly: `_measure` had them loaded in the background.
+        from resfit.additions import add_stages
+        from resfit.fitter.stages import fit_stages
+        from resfit.measure import measure_outcome
     limited = config
     if config.timeout:
         # It counts from the call, not from the first round; once it is over, not even one is begun.
         limited = replace(config, timeout=max(1e-9, config.timeout - begin.wall_s))
     if start is not None and objective == "chamfer":
+        from resfit.moving import move_parts
+
         return move_parts(
             start, target, config, limited.timeout, mesh_or_path, tell, should_stop, clock, timings
         )
@@ -113,7 +114,7 @@ def fit(
         target,
         limited,
         device,
-        lambda progress: tell(_later(progress)),
+        lambda progress: tell(progress.after_target()),
         should_stop or (lambda: False),
         None if start is None else start_rows(start, config.primitive, target.transform),
     )
@@ -154,6 +155,9 @@ def evaluate(
     Raises:
         InputError: if something cannot be read.
     """
+    with without_collector():
+        from resfit.eval.evaluate import evaluate as evaluate_prediction
+
     prediction = getattr(prediction, "assembly", prediction)
     return evaluate_prediction(prediction, target, align=align, emd=emd, features=features, device=device)
 
@@ -172,48 +176,6 @@ def check_objective(objective: str | None, start: Assembly | None, config: FitCo
         )
     if objective == "chamfer" and (config.snap or config.pareto):
         raise InputError("--objective chamfer only moves parts; --snap and --pareto need a fit without it.")
-
-
-def move_parts(
-    start: Assembly,
-    target: Target,
-    config: FitConfig,
-    timeout: float,
-    source: Any,
-    tell: Callable[[Progress], None],
-    should_stop: Callable[[], bool] | None,
-    clock: Clock,
-    timings: dict[str, float],
-) -> FitResult:
-    """The result of `fit` with the objective chamfer; its `objective` has the distance before and after."""
-    families = [part.family for part in start.primitives]
-    rows, compiled = rows_in_frame(start, target.transform), launch.compile_seconds
-
-    def show(share: float) -> None:
-        tell(_later(Progress("chamfer", 1, 1, len(rows), 0.0, 0.0, share)))
-
-    outcome, moved = move_assembly(
-        target,
-        rows,
-        families,
-        launch.choose_device(config.device),
-        config.parsimony,
-        timeout,
-        should_stop or (lambda: False),
-        show,
-    )
-    timings |= outcome.timings | {"compile": launch.compile_seconds - compiled}
-    name = source if isinstance(source, str | os.PathLike) else None
-    result = measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
-    options = {**result.options, "objective": "chamfer"}
-    parts = tuple(
-        replace(part, name=old.name, color=old.color)
-        for part, old in zip(result.assembly.primitives, start.primitives, strict=True)
-    )
-    provenance = replace(result.assembly.provenance, options=options)
-    assembly = replace(result.assembly, primitives=parts, provenance=provenance)
-    distances = {"chamfer_before": moved.before, "chamfer": moved.after} if np.isfinite(moved.before) else {}
-    return replace(result, assembly=assembly, objective=result.objective | distances, options=options)
 
 
 def make_config(config: FitConfig | None, preset: str | None, options: dict[str, Any]) -> FitConfig:
@@ -239,6 +201,9 @@ def load_init(init: Assembly | str | os.PathLike[str]) -> Assembly:
     Raises:
         InputError: if it cannot be read.
     """
+    with without_collector():
+        from resfit.assembly.assembly import Assembly
+
     if isinstance(init, Assembly):
         return init
     path = Path(init)
@@ -272,19 +237,26 @@ def start_rows(assembly: Assembly, primitive: str, transform: Transform) -> np.n
 
 
 def _measure(
-    source: Any, config: FitConfig, tell: Callable[[Progress], None], timings: dict[str, float]
+    source: Any,
+    config: FitConfig,
+    device: wp.Device,
+    tell: Callable[[Progress], None],
+    clock: Clock,
+    timings: dict[str, float],
 ) -> Target:
-    """The target of a mesh; its stages are reported, and timed as one."""
+    """The target of a mesh, timed as one stage; `start` is what came before.
+
+    Its modules, with trimesh and SciPy, are loaded only here, while the kernels load: that takes no interpreter. Nor
+    does much of the measuring: the modules of what comes after it are loaded meanwhile.
+    """
+    from resfit.target.target import make_target
+
+    load_behind("scipy.spatial", "resfit.additions", "resfit.measure")
 
     def begin(stage: str) -> None:
         done = TARGET_STAGES.index(stage) / len(TARGET_STAGES) if stage in TARGET_STAGES else 0.0
         tell(Progress(stage, 0, config.rounds, 0, 0.0, 0.0, TARGET_SHARE * done))
 
+    timings["start"] = clock.wall_s
     with timed(timings, "target"):
-        device = launch.choose_device(config.device)
         return make_target(source, device, config.resolution, config.samples, config.seed, begin)
-
-
-def _later(progress: Progress) -> Progress:
-    """Progress of the rounds as a share of the whole fit."""
-    return replace(progress, fraction=TARGET_SHARE + (1.0 - TARGET_SHARE) * progress.fraction)

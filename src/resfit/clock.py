@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 MAX_AGE = 3600.0
@@ -38,6 +40,16 @@ class Clock:
     def wall_s(self) -> float:
         """Wall seconds since then."""
         return time.perf_counter() - self.wall
+
+
+@contextmanager
+def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    """Add the wall time of a block to its stage."""
+    begin = time.perf_counter()
+    try:
+        yield
+    finally:
+        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begin
 
 
 def peak_mb() -> float:

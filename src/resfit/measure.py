@@ -14,19 +14,21 @@ from resfit.assembly.colors import palette_color
 from resfit.assembly.history import History, HistoryRound, score_values
 from resfit.assembly.provenance import Provenance
 from resfit.assembly.transform import Transform
-from resfit.clock import Clock, peak_mb
+from resfit.clock import Clock, peak_mb, timed
 from resfit.eval.metrics import measure_cheap, measure_deviation
 from resfit.fitter.assess import score_values as score_rows
 from resfit.fitter.assess import values_at
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.objective import Score, Tally
 from resfit.fitter.outcome import Outcome
+from resfit.fitter.refine import fold
 from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
-from resfit.result import FitResult, describe_input, timed
+from resfit.kernels.union import FAR
+from resfit.result import FitResult, describe_input
 from resfit.target.target import Target
 
 UNRECORDED = ("device", "timeout", "seed", "preset")
@@ -62,10 +64,13 @@ def measure_outcome(
     provenance = Provenance.current(seed=config.seed, options=options, input_sha256=target.input_sha256)
     colors = [palette_color(index) for index in range(len(rows))]
     assembly = Assembly.from_rows(rows, families, colors, target.transform, provenance)
-    with timed(timings, "metrics"):
-        score, gains = part_gains(rows, families, target, config)
-        cheap = measure_cheap(assembly, target, config.device)
-        deviation = measure_deviation(assembly, target, config.device)
+    jobs = (
+        lambda: measure_deviation(assembly, target, config.device),
+        lambda: part_gains(rows, families, target, config),
+        lambda: measure_cheap(assembly, target, config.device),
+    )
+    with timed(timings, "metrics"), launch.side_by_side(*jobs) as found:
+        deviation, (score, gains), cheap = (future.result() for future in found)
     cost = {"cpu_s": clock.cpu_s, "wall_s": clock.wall_s, "peak_mb": peak_mb()}
     return FitResult(
         assembly=assembly,
@@ -91,13 +96,15 @@ def part_gains(
     samples = objective_samples(target)
     device = launch.choose_device(config.device)
     values = values_at(rows, families, point_blocks(samples.points, device), device)
-    tally, everyone = Tally(samples), np.arange(len(rows))
-    whole = score_rows(values, rows[:, BLEND], tally, config.parsimony)
-    gains = []
-    for index in range(len(rows)):
-        others = everyone != index
-        rest = score_rows(values[others], rows[others, BLEND], tally, config.parsimony)
-        gains.append(whole.objective - rest.objective)
+    tally, blends, held = Tally(samples), rows[:, BLEND], (values < 0).sum(0)
+    whole = score_rows(values, blends, tally, config.parsimony)
+    # The union of the parts before one is the same for all that follow it.
+    gains, before = [], np.full(values.shape[1], FAR, np.float32)
+    for index, value in enumerate(values):
+        rest = fold([before, *values[index + 1 :]], [0.0, *blends[index + 1 :]])
+        score = tally.score(rest < 0, held - (value < 0), len(rows) - 1, config.parsimony)
+        gains.append(whole.objective - score.objective)
+        before = fold([before, value], [0.0, blends[index]])
     return whole, tuple(gains)
 
 

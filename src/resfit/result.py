@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import time
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -18,16 +15,17 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.atomic_write import write_bytes
 from resfit.assembly.colors import rgb
 from resfit.assembly.history import History
-from resfit.clock import Clock, peak_mb
+from resfit.clock import Clock, peak_mb, timed
 from resfit.eval.metrics import Deviation
 from resfit.export.by_suffix import export_assembly
 from resfit.export.facts import report_facts, up_axis
 from resfit.export.html import MAX_PARTS, write_html
+from resfit.export.overlay import Triangles
 from resfit.fitter.outcome import Status
 from resfit.folder import REPORT, REPORT_FORMAT, filling
 from resfit.kernels.camera import frame_bounds
 from resfit.kernels.isosurface import tight_bounds
-from resfit.kernels.launch import choose_device, core_count, on_cores
+from resfit.kernels.launch import choose_device, core_count, side_by_side
 from resfit.kernels.raytrace import render_assembly, render_mesh
 from resfit.target.target import Target
 from resfit.trade_off import Curve
@@ -107,13 +105,18 @@ class FitResult:
         clock, timings = Clock.now(), dict(self.timings)
         folder = Path(directory)
         with filling(folder) as temporary:
-            with ThreadPoolExecutor(1) as pool:
-                # On its own share of the cores: none of it needs what the other does.
-                files = pool.submit(self._write_files, temporary)
-                with on_cores(core_count() - core_count() // 2), timed(timings, "preview"):
-                    (temporary / "preview.png").write_bytes(png_bytes(self.preview()))
+            jobs = (
+                *self._halves(),
+                lambda: export_assembly(self.assembly, temporary / "parts.glb", device=self.device),
+                lambda: self._write_rest(temporary),
+            )
+            with side_by_side(*jobs) as (made, given, *files):
+                with timed(timings, "preview"):
+                    image = np.concatenate([given.result(), made.result()], axis=1)
+                    (temporary / "preview.png").write_bytes(png_bytes(image))
                 with timed(timings, "parts"):
-                    files.result()
+                    for file in files:
+                        file.result()
             metrics = self.metrics | {
                 "cpu_s": self.metrics["cpu_s"] + clock.cpu_s,
                 "wall_s": self.metrics["wall_s"] + clock.wall_s,
@@ -123,24 +126,18 @@ class FitResult:
             write_bytes(temporary / REPORT, f"{text}\n".encode())
         return folder
 
-    def _write_files(self, folder: Path) -> None:
-        """Everything but the picture and the report."""
+    def _write_rest(self, folder: Path) -> None:
+        """Everything but the picture, the parts' surfaces and the report."""
         self.assembly.save(folder / "assembly.json")
         self.history.save(folder / "history.npz")
         if self.curve is not None:
             self.curve.save(folder)
-        with on_cores(core_count() // 2):
-            export_assembly(self.assembly, folder / "parts.glb", device=self.device)
-            if len(self.assembly.primitives) <= MAX_PARTS:
-                self.write_page(folder / "viewer.html")
+        if len(self.assembly.primitives) <= MAX_PARTS:
+            self.write_page(folder / "viewer.html")
 
     def write_page(self, path: Path) -> None:
         """Write the page that shows and edits the assembly, with the input to compare it with."""
-        from trimesh import Trimesh
-
-        mesh = Trimesh(
-            self.assembly.transform.to_mesh(self.target.vertices), self.target.faces, process=False
-        )
+        mesh = Triangles(self.assembly.transform.to_mesh(self.target.vertices), self.target.faces)
         facts = report_facts(self.report(self.metrics, self.timings))
         write_html(self.assembly, path, mesh=mesh, up=self.up, title=self.input.name, facts=facts)
 
@@ -184,6 +181,11 @@ class FitResult:
 
     def preview(self) -> np.ndarray:
         """The input beside the assembly, by one camera: (height, width, 3) uint8, sRGB."""
+        with side_by_side(*self._halves()) as (made, given):
+            return np.concatenate([given.result(), made.result()], axis=1)
+
+    def _halves(self) -> tuple[Callable[[], np.ndarray], Callable[[], np.ndarray]]:
+        """What makes the pictures of the assembly and of the input."""
         device = choose_device(self.device)
         target, primitives = self.target, self.assembly.on_device(self.device)
         width, height = PANEL
@@ -194,18 +196,10 @@ class FitResult:
             lower, upper = np.minimum(lower, found[0]), np.maximum(upper, found[1])
         camera = frame_bounds(lower, upper, up=self.up, aspect=width / height)
         colors = np.array([rgb(part.color) for part in self.assembly.primitives]).reshape(-1, 3)
-        left = render_mesh(target.vertices, target.faces, camera, width, height, device=device)
-        return np.concatenate([left, render_assembly(primitives, colors, camera, width, height)], axis=1)
-
-
-@contextmanager
-def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the wall time of a block to its stage."""
-    begin = time.perf_counter()
-    try:
-        yield
-    finally:
-        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begin
+        return (
+            lambda: render_assembly(primitives, colors, camera, width, height),
+            lambda: render_mesh(target.vertices, target.faces, camera, width, height, device=device),
+        )
 
 
 def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:

@@ -16,6 +16,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from resfit.errors import InputError, ResfitError
+from resfit.loading import own_process, without_collector
 
 if TYPE_CHECKING:
     from cyclopts import App
@@ -88,6 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def command() -> NoReturn:
     """The program: `main`, and out."""
+    own_process()
     leave(main())
 
 
@@ -105,14 +107,15 @@ def leave(code: int) -> NoReturn:
 
 
 def _run(arguments: list[str]) -> int:
-    from cyclopts import CycloptsError
+    with without_collector():
+        from cyclopts import CycloptsError
 
     everything = HELP_ALL in arguments
     arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
     try:
-        code = build_app(everything)(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
-        )
+        with without_collector():
+            app = build_app(everything)
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         raise InputError(f"{error} See resfit --help.") from error
     sys.stdout.flush()

@@ -51,7 +51,7 @@ def evaluate(
             points and features, or the name of an installed source.
         device: auto, cpu or cuda:0.
     """
-    from resfit.api import evaluate as measure
+    from resfit import evaluate as measure
 
     row = measure(prediction, target, align=align, emd=emd, features=features, device=device)
     for note in row["notes"]:

@@ -13,9 +13,10 @@ from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
+from resfit.target.reader import reading_ahead
 
 if TYPE_CHECKING:
-    from resfit.fitter.workbench import Progress
+    from resfit.fitter.progress import Progress
     from resfit.result import FitResult
 
 STOPPED = 4
@@ -136,16 +137,16 @@ def _fit_and_write(
 ) -> tuple[int, FitResult]:
     """The same as `run_fit`, without its checks; the exit code and the result."""
     clock = Clock.of_process()
-    with catching_signals() as stop, make_reporter(progress) as reporter:
+    with catching_signals() as stop, reading_ahead(mesh) as source, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
-        from resfit.api import fit as fit_mesh
+        from resfit import fit as fit_mesh
 
         def show(stage: Progress) -> None:
             reporter.show(stage)
             watcher.show(stage)
 
         should_stop = _told_once(stop, reporter)
-        result = fit_mesh(mesh, None, show, should_stop=should_stop, clock=clock, **options)
+        result = fit_mesh(source, None, show, should_stop=should_stop, clock=clock, **options)
         code = STOPPED if result.status.stopped_early or stop.requested else 0
         # What was stopped before it began is worth less than an earlier fit.
         written = None if result.placeholder and holds_fit(folder) else str(folder)

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 if TYPE_CHECKING:
-    from resfit.fitter.workbench import Progress
+    from resfit.fitter.progress import Progress
 
 ProgressMode = Literal["auto", "json", "none"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from resfit.cli.progress import STAGES
 
 if TYPE_CHECKING:
-    from resfit.fitter.workbench import Progress
+    from resfit.fitter.progress import Progress
     from resfit.result import FitResult
 
 
