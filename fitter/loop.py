@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from ..kernels.launch import core_count, often_switching, on_cores
+from ..kernels.cores import core_count
+from ..kernels.launch import often_switching, on_cores
 from ..target.target import Target
 from .assess import choose_blends, rough_volume
 from .config import FitConfig

@@ -37,13 +37,14 @@ from . import (
     steps,
     wavefront,
 )
+from .cores import core_count
 from .culling import bound_kernel
 from .field import field_kernels
 from .gradient import gradient_kernel
 from .holders import count_kernel
 from .idle import drop_idle_kernel
 from .inside import mask_kernel
-from .launch import core_count, load_module
+from .launch import load_module
 from .normal_equations import add_systems_kernel, kernel_on
 from .ownership import find_owners_kernel
 from .primitive_set import derive_kernel

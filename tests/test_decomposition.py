@@ -224,9 +224,10 @@ def test_duplicates_are_dropped_and_the_first_stays() -> None:
 
 def test_memory_takes_the_regions_that_are_like_none_of_its_own(device: wp.Device) -> None:
     def remembering(*regions: Region) -> CandidateMemory:
-        memory = CandidateMemory(lambda rows: np.zeros((len(rows), 4), bool), device)
+        memory = CandidateMemory(lambda rows: np.zeros((len(rows), 1), np.uint32), 4, device)
         memory.regions, memory.boxes = list(regions), box_table(regions)
         memory.rows = [empty_rows(1) for _ in regions]
+        memory.holdings.append(memory.inside(memory.candidates()))
         return memory
 
     cube, hollow = np.ones((10, 10, 10), bool), np.ones((10, 10, 10), bool)

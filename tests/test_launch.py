@@ -13,6 +13,7 @@ import warp as wp
 
 from resfit.errors import DeviceError
 from resfit.kernels import launch as launching
+from resfit.kernels.cores import core_count
 from resfit.kernels.replay import Replay
 from resfit.kernels.warm import warm_kernels
 
@@ -51,9 +52,9 @@ def test_unknown_device_names_those_present():
 
 def test_core_count_follows_the_environment(monkeypatch):
     monkeypatch.setenv("RESFIT_THREADS", "3")
-    assert launching.core_count() == 3
+    assert core_count() == 3
     monkeypatch.setenv("RESFIT_THREADS", "none")
-    assert launching.core_count() >= 1
+    assert core_count() >= 1
 
 
 def test_start_is_silent():

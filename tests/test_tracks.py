@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from resfit.decomposition import propose
 from resfit.decomposition.propose import propose_regions
 from resfit.fitter import track
 from resfit.fitter.config import preset_config
@@ -73,7 +74,7 @@ def test_what_tracks_found_is_put_together(stool, device, monkeypatch):
 def test_two_tracks_begin_with_one_decomposition(stool, device, monkeypatch):
     """The target is taken apart once; the first track leaves its slabs out, the second does not."""
     begun = []
-    find_all = track.find_parts
+    find_all = propose.find_parts
 
     def watch(target, explained, **options):
         begun.append(explained is None)

@@ -13,7 +13,7 @@ import numpy as np
 from ..assembly.assembly import Assembly
 from ..assembly.colors import palette_color
 from ..assembly.primitive import Pose, Primitive
-from ..kernels.launch import core_count
+from ..kernels.cores import core_count
 from .controller import Controller
 from .documents import Document
 from .edits import EditSession

@@ -24,8 +24,9 @@ from resfit.export.overlay import Triangles
 from resfit.fitter.outcome import Status
 from resfit.folder import REPORT, REPORT_FORMAT, filling
 from resfit.kernels.camera import frame_bounds
+from resfit.kernels.cores import core_count
 from resfit.kernels.isosurface import tight_bounds
-from resfit.kernels.launch import choose_device, core_count, side_by_side
+from resfit.kernels.launch import choose_device, side_by_side
 from resfit.kernels.raytrace import render_assembly, render_mesh
 from resfit.target.target import Target
 from resfit.trade_off import Curve

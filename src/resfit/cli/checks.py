@@ -106,7 +106,8 @@ def _packages() -> str:
 def _devices(device: str) -> str:
     import warp as wp
 
-    from resfit.kernels.launch import choose_device, core_count
+    from resfit.kernels.cores import core_count
+    from resfit.kernels.launch import choose_device
 
     chosen = choose_device(device)
     names = [f"{found.alias} ({found.name})" for found in wp.get_devices()]
