@@ -99,6 +99,8 @@ def test_gifs_without_a_history_move_and_come_back(motion: str, tmp_path: Path) 
     assert not any(shape[:, [0, -1]].any() for shape in shapes)
 
 
+# imageio-ffmpeg leaves the pipes of what it has read to the collector.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_mp4_can_be_read_again(tmp_path: Path) -> None:
     need_drawing()
     ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the package imageio-ffmpeg is not installed")
