@@ -30,8 +30,8 @@ def vertex_normals(
     angle[(angle < NO_ANGLE).any(axis=1) | (dot(normal, normal) < 0.5)] = 0.0
     weighted = (angle[:, :, None] * normal[:, None, :]).reshape(-1, 3)
     place = faces.ravel()
-    columns = [np.bincount(place, column, len(vertices)) for column in weighted.T]
-    return unit(np.stack(columns, axis=1).astype(np.float64))
+    sums = [np.bincount(place, column, len(vertices)) for column in weighted.T]
+    return unit(np.stack(sums, axis=1).astype(np.float64, copy=False))
 
 
 def dot(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

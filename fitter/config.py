@@ -78,7 +78,7 @@ class PolishConfig:
     """The last step of a fit: blends are chosen and all primitives refined, in turn."""
 
     passes: int = 2
-    merges: int = 8
+    merges: int = 4
     """Times that one candidate is tried in the place of several parts."""
     refine: RefineConfig = RefineConfig(iterations=30, overlap=0.3, betas=(120.0, 400.0))
 

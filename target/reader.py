@@ -22,7 +22,8 @@ from ..kernels.cores import core_count
 if TYPE_CHECKING:
     from .load import LoadedMesh
 
-CODE = "from resfit.target.reader import read_for_parent; read_for_parent()"
+CODE = "import gc; gc.disable(); from resfit.target.reader import read_for_parent; read_for_parent()"
+"""What the other process does. It ends with the reading: nothing that it loads is garbage."""
 
 
 class MeshReader(os.PathLike[str]):
