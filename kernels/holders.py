@@ -59,11 +59,11 @@ def count_kernel(name: str) -> wp.Kernel:
             elif at - spread < 0.0:
                 f = frames[k]
                 s = tables[k]
-                slow = float(-1.0)
+                slow = float(0.0)
                 if wp.static(has_slow_zone):
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow = larger(slow, slow_zone(s, px, py, pz))
+                        slow += larger(slow_zone(s, px, py, pz), 0.0)
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])

@@ -68,11 +68,11 @@ def mask_kernel(name: str) -> wp.Kernel:
             for word in range(BLOCK_WORDS_C):
                 out_masks[store + word] = wp.where(settled, ~wp.uint32(0), wp.uint32(0))
         else:
-            slow = float(-1.0)
+            slow = float(0.0)
             if wp.static(has_slow_zone):
                 for j in range(BLOCK_C):
                     px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow = larger(slow, slow_zone(s, px, py, pz))
+                    slow += larger(slow_zone(s, px, py, pz), 0.0)
             for word in range(BLOCK_WORDS_C):
                 held = wp.uint32(0)
                 p = base + word * WORD_C
