@@ -9,13 +9,13 @@ the very same values (spec section 12).
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import warp as wp
 
 from .frame import Frame, to_local
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .points import BLOCK, BLOCK_C, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -80,7 +80,7 @@ def bound_blocks_kernel(
     out_radius[block] = wp.sqrt(square)
 
 
-@cache
+@made_once
 def bound_kernel(name: str) -> wp.Kernel:
     """The kernel that bounds each primitive of the family `name` over each block's sphere."""
     module = f"resfit.kernels.culling.{name}"

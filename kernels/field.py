@@ -2,14 +2,13 @@
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import numpy as np
 import warp as wp
 
 from .culling import ActiveLists, BlockBounds, active_lists
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .points import BLOCK_C, PointBlocks, from_grid_blocks, grid_blocks, point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -21,7 +20,7 @@ BLOCK_SECONDS = 1.2e-7
 """One primitive over one block of points, forward, on one core: decides when a launch is split."""
 
 
-@cache
+@made_once
 def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
     """Kernels of the family `name`: each primitive alone, and the union folded on over a run of primitives.
 

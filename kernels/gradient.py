@@ -2,14 +2,13 @@
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import numpy as np
 import warp as wp
 
 from .culling import ActiveLists, BlockBounds, active_lists
 from .frame import Frame, to_local, to_world_direction
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .points import BLOCK_C, PointBlocks, point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -21,7 +20,7 @@ BLOCK_SECONDS = 3e-7
 """One primitive over one block of points, on one core."""
 
 
-@cache
+@made_once
 def gradient_kernel(name: str) -> wp.Kernel:
     """The kernel that folds value and gradient of the union over a run of primitives of the family `name`."""
     module = f"resfit.kernels.gradient.{name}"

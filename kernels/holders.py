@@ -2,14 +2,13 @@
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import warp as wp
 
 from .culling import MARGIN, BlockBounds, bound_primitives
 from .field import BLOCK_SECONDS
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .points import BLOCK_C, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -19,7 +18,7 @@ SURFACE_SHARE = 0.1
 """Guess of the share of the blocks that a primitive's surface passes."""
 
 
-@cache
+@made_once
 def count_kernel(name: str) -> wp.Kernel:
     """The kernel that counts primitives of the family `name`; values are those of `evaluate_primitives_kernel`."""
     module = f"resfit.kernels.holders.{name}"

@@ -6,13 +6,12 @@ every point, so is what each listed primitive would have to move to change it.
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import warp as wp
 
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .loss_points import MOVE
+from .made_once import made_once
 from .ownership import COVERED_C, Ownership
 from .points import BLOCK_C, PointBlocks
 from .primitive_set import PrimitiveSet
@@ -22,7 +21,7 @@ from .union import gated
 from .vector_math import larger
 
 
-@cache
+@made_once
 def drop_idle_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that goes through one block's list."""
     module = f"resfit.kernels.idle.{name}"

@@ -6,8 +6,6 @@ a primitive, or wholly inside, is settled by its bounding sphere.
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import numpy as np
 import warp as wp
 
@@ -15,6 +13,7 @@ from .culling import MARGIN, bound_blocks, bound_primitives
 from .curve import curve_codes
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .occupancy import WORD, WORD_C
 from .points import BLOCK, BLOCK_C, padded_count, point_blocks
 from .primitive_set import PrimitiveSet
@@ -26,7 +25,7 @@ wp.set_module_options(VECTOR_OPTIONS)
 BLOCK_WORDS_C = wp.constant(BLOCK // WORD)
 
 
-@cache
+@made_once
 def mask_kernel(name: str) -> wp.Kernel:
     """The kernel that says which points of each block a primitive of the family `name` holds."""
     module = f"resfit.kernels.inside.{name}"

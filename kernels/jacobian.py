@@ -7,13 +7,13 @@ moves the local point q by -d, turning it by w moves q by -(w x q): hence -g and
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 import warp as wp
 
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import TANGENT, Derivatives
@@ -43,7 +43,7 @@ def jacobian_row(x: float, y: float, z: float, d: Derivatives) -> JacobianRow:
     )
 
 
-@cache
+@made_once
 def jacobian_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that writes one Jacobian row a point; scalar, for checks and small jobs."""
     module = f"resfit.kernels.jacobian.{name}"

@@ -10,7 +10,6 @@ Primitives may share points: many starts of one region read the same blocks.
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 import warp as wp
@@ -19,6 +18,7 @@ from .frame import Frame, to_local
 from .jacobian import TANGENT_C, jacobian_row
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .loss import occupancy
+from .made_once import made_once
 from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -82,7 +82,7 @@ def system_row(
     return out
 
 
-@cache
+@made_once
 def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
     """The kernel of the family `name`: the sums of all products of the rows of a block of points.
 

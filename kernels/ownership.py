@@ -8,13 +8,13 @@ device; owners are found anew at every step of a refinement, lists only when the
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from dataclasses import dataclass
-from functools import cache
 
 import warp as wp
 
 from .culling import BlockBounds, bound_kernel
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
+from .made_once import made_once
 from .points import BLOCK, BLOCK_C, PointBlocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
@@ -146,7 +146,7 @@ def list_candidates_kernel(
     out_counts[block] = count
 
 
-@cache
+@made_once
 def find_owners_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that folds a run of primitives into one block's union and two nearest."""
     module = f"resfit.kernels.ownership.{name}"

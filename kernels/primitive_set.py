@@ -4,7 +4,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import groupby
 from typing import Any
 
@@ -14,11 +13,12 @@ import warp as wp
 from .family import Family
 from .frame import Frame, derive_frame
 from .launch import PLAIN_OPTIONS, launch
+from .made_once import made_once
 from .primitives import family
 from .rows import GATE, ROW, ROW_C
 
 
-@cache
+@made_once
 def derive_kernel(name: str) -> wp.Kernel:
     """The kernel that fills frames and tables of the family called `name`."""
     module = f"resfit.kernels.derive.{name}"

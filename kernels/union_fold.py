@@ -7,14 +7,13 @@ it. Listed are the primitives that change the union at some point of the block: 
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
-from functools import cache
-
 import warp as wp
 
 from .family import Family
 from .frame import Frame, to_local
 from .jacobian import TANGENT_C, JacobianRow, jacobian_row
 from .launch import VECTOR_OPTIONS
+from .made_once import made_once
 from .points import BLOCK_C
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C, TANGENT
@@ -27,7 +26,7 @@ SUMS_C = wp.constant(SUMS)
 BLEND_SUM_C, GATE_SUM_C = wp.constant(TANGENT), wp.constant(TANGENT + 1)
 
 
-@cache
+@made_once
 def fold_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels that fold the union on over a run of the family `name`, and that undo this: a module of both."""
     module = f"resfit.kernels.union_fold.{name}"
