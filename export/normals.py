@@ -1,4 +1,7 @@
-"""Normals at the vertices of a mesh, for formats that store them."""
+"""Normals at the vertices of a mesh, for formats that store them.
+
+They are trimesh's, without loading it: a fit has its mesh read by another process, and needs it for nothing else.
+"""
 
 from __future__ import annotations
 

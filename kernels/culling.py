@@ -180,15 +180,16 @@ def bound_blocks(blocks: PointBlocks) -> BlockBounds:
     return BlockBounds(*arrays)
 
 
-def bound_primitives(primitives: PrimitiveSet, bounds: BlockBounds) -> tuple[wp.array, wp.array]:
+def bound_primitives(
+    primitives: PrimitiveSet, bounds: BlockBounds, out: tuple[wp.array, wp.array] | None = None
+) -> tuple[wp.array, wp.array]:
     """Values of each primitive in the middle of each block, and bounds on their change within it.
 
     Returns:
-        Both (primitive_count * padded block count,), primitive-major.
+        Both (primitive_count * padded block count,), primitive-major; `out` where it is given.
     """
     size, device = bounds.x.shape[0], primitives.device
-    middle = wp.empty(len(primitives) * size, dtype=float, device=device)
-    reach = wp.empty(len(primitives) * size, dtype=float, device=device)
+    middle, reach = out or (wp.empty(len(primitives) * size, dtype=float, device=device) for _ in range(2))
     for run in primitives.runs:
         launch(
             bound_kernel(run.family.name),

@@ -127,8 +127,8 @@ def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
         f = frames[k]
         s = tables[k]
         at = pair * SYSTEM_C * SYSTEM_C
-        for entry in range(SYSTEM_C * SYSTEM_C):
-            out_systems[at + entry] = 0.0
+        for m in range(SYSTEM_C * SYSTEM_C):
+            out_systems[at + m] = 0.0
         # Bounds that are known at run time only keep the loops over chunks and tiles loops.
         chunks = int(wp.static(chunk_count))
         size = int(SYSTEM_C)

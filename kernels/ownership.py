@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .culling import BlockBounds, bound_kernel
+from .culling import BlockBounds, bound_primitives
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .made_once import made_once
@@ -267,19 +267,7 @@ def list_candidates(
         out: from `ownership_arrays`.
     """
     device, count, stride = blocks.device, len(primitives), bounds.x.shape[0]
-    for run in primitives.runs:
-        table = primitives.tables[run.family.name]
-        launch(
-            bound_kernel(run.family.name),
-            run.count * (stride // BLOCK),
-            [
-                *(bounds.x, bounds.y, bounds.z, bounds.radius),
-                *(primitives.frames, table, run.begin, stride // BLOCK),
-            ],
-            [out.middle, out.reach],
-            device,
-            seconds_per_thread=3e-7,
-        )
+    bound_primitives(primitives, bounds, (out.middle, out.reach))
     launch(
         list_candidates_kernel,
         blocks.block_count,

@@ -1,7 +1,7 @@
 """A mesh that another process reads, while this one loads its kernels.
 
-trimesh and what it imports take as long to load as all the rest, and hold the interpreter all the while: on another
-core they cost no time. What comes back is what `load_mesh` would have returned or raised. Imports nothing heavy.
+trimesh and what it imports take long to load, and hold the interpreter all the while: on another core they cost
+little time. What comes back is what `load_mesh` would have returned or raised. Imports nothing heavy.
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ def own_process() -> None:
 
 @contextmanager
 def without_collector() -> Iterator[None]:
-    """Within, modules load without the garbage collector: a fit's are 300 000 objects, none of which goes again.
+    """Within, modules load without the garbage collector: a fit's are very many objects, none of which goes again.
 
-    The collector would look through them a hundred times while they load, for 0.4 s, and for 0.15 s each time that it
-    looks at everything later: in a process of ours it leaves them out for good.
+    The collector would look through them again and again while they load, and each time that it looks at everything
+    later: in a process of ours it leaves them out for good.
     """
     enabled = gc.isenabled()
     gc.disable()
