@@ -1,0 +1,1 @@
+"""Mesh files: one reader per format, all of them returning a `MeshFile`."""

@@ -1,0 +1,110 @@
+"""Polygons cut into triangles, concave ones by ear clipping."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+REFLEX = -1e-6
+"""A corner is reflex where its signed area is below this share of the polygon's: float32 rounding stays above."""
+
+Array = npt.NDArray[np.int64]
+
+
+def triangulate(vertices: npt.NDArray[np.float64], corners: Array, counts: Array) -> tuple[Array, Array]:
+    """Triangles of planar or nearly planar polygons, which keep the polygons' orientation and order.
+
+    Triangles pass as they are. A convex polygon becomes a fan round its first corner: (0, 1, 2), (0, 2, 3), ... A
+    concave one is cut by ear clipping in the plane of its area vector (Newell's normal). Every edge of a polygon is an
+    edge of a triangle, so that a closed surface stays closed.
+
+    Args:
+        vertices: (n, 3), any frame.
+        corners: (sum of counts,) indices into `vertices`, polygon after polygon.
+        counts: (p,) corners of each polygon. Those with fewer than three give no triangle.
+
+    Returns:
+        (m, 3) indices into `vertices`, and (m,) the polygon of each.
+    """
+    ends = np.cumsum(counts)
+    if len(counts) and counts.min() == counts.max() == 3:
+        return corners.reshape(-1, 3), np.arange(len(counts))
+    faces, owners = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+    for count in np.unique(counts[counts >= 3]):
+        found = np.flatnonzero(counts == count)
+        rings = corners[(ends[found] - count)[:, None] + np.arange(count)]
+        steps = np.arange(1, count - 1)
+        fans = np.stack([np.zeros_like(steps), steps, steps + 1], axis=1)
+        cut = np.broadcast_to(fans, (len(found), *fans.shape)).copy()
+        if count > 3:
+            normals, concave = _concave(vertices[rings])
+            for number in np.flatnonzero(concave):
+                ears = _clip_ears(_flat(vertices[rings[number]], normals[number]))
+                cut[number] = fans if ears is None else ears
+        faces.append(np.take_along_axis(rings, cut.reshape(len(found), -1), axis=1).reshape(-1, 3))
+        owners.append(np.repeat(found, count - 2))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(faces)[order], owner[order]
+
+
+def _concave(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Area vectors (p, 3) of polygons (p, k, 3), and whether each has a reflex corner."""
+    away = points - points[:, :1]
+    normals = np.cross(away, np.roll(away, -1, axis=1)).sum(axis=1)
+    before, after = points - np.roll(points, 1, axis=1), np.roll(points, -1, axis=1) - points
+    turns = np.einsum("pkc,pc->pk", np.cross(before, after), normals)
+    square = np.einsum("pc,pc->p", normals, normals)
+    # Coordinates that are no numbers, or overflow, compare as convex: they are refused elsewhere.
+    return normals, (turns < REFLEX * square[:, None]).any(axis=1)
+
+
+def _flat(points: npt.NDArray[np.float64], normal: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Points (k, 3) in coordinates (k, 2) of the plane with a normal, seen against it: orientation is kept."""
+    normal = normal / np.linalg.norm(normal)
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    away = points - points[0]
+    return np.stack([away @ first, away @ np.cross(normal, first)], axis=1)
+
+
+def _clip_ears(ring: npt.NDArray[np.float64]) -> Array | None:
+    """Triangles (k - 2, 3) of a polygon (k, 2) that runs counter-clockwise; None where it crosses itself."""
+    import mapbox_earcut
+
+    count = len(ring)
+    scaled = np.ascontiguousarray(ring / max(np.abs(ring).max(), np.finfo(float).tiny))
+    found = mapbox_earcut.triangulate_float64(scaled, np.array([count], np.uint32)).reshape(-1, 3)
+    a, b, c = scaled[found].transpose(1, 2, 0)
+    turned = (b[0] - a[0]) * (c[1] - a[1]) < (b[1] - a[1]) * (c[0] - a[0])
+    triangles = [
+        tuple(int(k) for k in (row[::-1] if back else row)) for row, back in zip(found, turned, strict=True)
+    ]
+    return _put_back(triangles, count)
+
+
+def _put_back(triangles: list[tuple[int, ...]], count: int) -> Array | None:
+    """The same triangles with the corners that ear clipping has left out because they lie on a straight edge.
+
+    Left out they would leave a T-junction: the polygon on the other side of the edge ends there.
+    """
+    edges = {(row[k], row[(k + 1) % 3]): row for row in triangles for k in range(3)}
+    for start, end in [edge for edge in edges if edge[::-1] not in edges]:
+        chain = [(start + k) % count for k in range((end - start) % count + 1)]
+        if len(chain) > 2:
+            row = edges[start, end]
+            (apex,) = set(row) - {start, end}
+            triangles.remove(row)
+            for pair in pairwise(chain):
+                triangles.append((*pair, apex))
+            for k in range(3):
+                pair = (row[k], row[(k + 1) % 3])
+                if pair != (start, end):
+                    edges[pair] = next(
+                        new for new in triangles if pair[0] in new and pair[1] in new and apex in new
+                    )
+    if len(triangles) != count - 2 or len({corner for row in triangles for corner in row}) != count:
+        return None
+    return np.array(triangles, np.int64)
