@@ -90,21 +90,19 @@ def _put_back(triangles: list[tuple[int, ...]], count: int) -> Array | None:
 
     Left out they would leave a T-junction: the polygon on the other side of the edge ends there.
     """
-    edges = {(row[k], row[(k + 1) % 3]): row for row in triangles for k in range(3)}
-    for start, end in [edge for edge in edges if edge[::-1] not in edges]:
-        chain = [(start + k) % count for k in range((end - start) % count + 1)]
-        if len(chain) > 2:
-            row = edges[start, end]
-            (apex,) = set(row) - {start, end}
-            triangles.remove(row)
-            for pair in pairwise(chain):
-                triangles.append((*pair, apex))
-            for k in range(3):
-                pair = (row[k], row[(k + 1) % 3])
-                if pair != (start, end):
-                    edges[pair] = next(
-                        new for new in triangles if pair[0] in new and pair[1] in new and apex in new
-                    )
-    if len(triangles) != count - 2 or len({corner for row in triangles for corner in row}) != count:
+    edges = {(row[k], row[(k + 1) % 3]) for row in triangles for k in range(3)}
+    outer = {edge for edge in edges if edge[::-1] not in edges}
+
+    def split(row: tuple[int, ...]) -> list[tuple[int, ...]]:
+        for k in range(3):
+            start, end, apex = row[k], row[(k + 1) % 3], row[(k + 2) % 3]
+            left_out = (end - start) % count - 1
+            if (start, end) in outer and left_out:
+                chain = [(start + step) % count for step in range(left_out + 2)]
+                return [piece for pair in pairwise(chain) for piece in split((*pair, apex))]
+        return [row]
+
+    whole = [piece for row in triangles for piece in split(row)]
+    if len(whole) != count - 2 or len({corner for row in whole for corner in row}) != count:
         return None
-    return np.array(triangles, np.int64)
+    return np.array(whole, np.int64)
