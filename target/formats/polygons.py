@@ -92,17 +92,18 @@ def _put_back(triangles: list[tuple[int, ...]], count: int) -> Array | None:
     """
     edges = {(row[k], row[(k + 1) % 3]) for row in triangles for k in range(3)}
     outer = {edge for edge in edges if edge[::-1] not in edges}
+    left_out = [(start + step) % count for start, end in outer for step in range(1, (end - start) % count)]
+    if sorted([*left_out, *{corner for row in triangles for corner in row}]) != list(range(count)):
+        return None
 
     def split(row: tuple[int, ...]) -> list[tuple[int, ...]]:
         for k in range(3):
             start, end, apex = row[k], row[(k + 1) % 3], row[(k + 2) % 3]
-            left_out = (end - start) % count - 1
-            if (start, end) in outer and left_out:
-                chain = [(start + step) % count for step in range(left_out + 2)]
+            steps = (end - start) % count
+            if (start, end) in outer and steps > 1:
+                chain = [(start + step) % count for step in range(steps + 1)]
                 return [piece for pair in pairwise(chain) for piece in split((*pair, apex))]
         return [row]
 
     whole = [piece for row in triangles for piece in split(row)]
-    if len(whole) != count - 2 or len({corner for row in whole for corner in row}) != count:
-        return None
-    return np.array(whole, np.int64)
+    return np.array(whole, np.int64) if len(whole) == count - 2 else None
