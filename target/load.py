@@ -1,4 +1,4 @@
-"""Reading meshes: any format that trimesh reads, scenes flattened, vertices welded.
+"""Reading meshes: any format, scenes flattened, vertices welded.
 
 Everything here is in the mesh's own frame and unit, float64. Bad input ends in one `InputError`.
 """
@@ -6,20 +6,19 @@ Everything here is in the mesh's own frame and unit, float64. Bad input ends in 
 from __future__ import annotations
 
 import hashlib
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from resfit.errors import InputError
 
+from .formats import read_mesh_file
+from .formats.by_trimesh import from_object
+from .formats.mesh_file import MeshFile, Piece
 from .reader import MeshReader
 from .weld import clean_faces, face_areas, weld_vertices
 
@@ -55,6 +54,8 @@ class LoadedMesh:
     """Of the file's bytes; of vertices and faces, if the mesh came as an object."""
     notes: tuple[str, ...]
     """Sentences about what was changed."""
+    reader: str = ""
+    """What read the file, with its version."""
 
 
 def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> LoadedMesh:
@@ -76,15 +77,16 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
         path = Path(source)
         name = f"'{path}'"
         digest = _hash_file(path)
-        pieces, notes = _pieces(_read(path), name)
+        file = read_mesh_file(path)
     else:
         name, digest = MEMORY_NAME, ""
-        pieces, notes = _pieces(source, name)
-    vertices, faces, parts = _concatenate(pieces)
+        file = from_object(source, name)
+    notes = _check_content(file, name)
+    vertices, faces, parts = _concatenate([piece for piece in file.pieces if len(piece.faces)])
     _check_arrays(vertices, faces, name)
     if not digest:
         digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
-    return _weld(vertices, faces, parts, digest, notes, name)
+    return _weld(vertices, faces, parts, digest, notes, name, file.reader)
 
 
 def _hash_file(path: Path) -> str:
@@ -101,102 +103,43 @@ def _hash_file(path: Path) -> str:
         raise InputError(f"'{path}' cannot be read: {error.strerror or error}.") from error
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep what trimesh logs and warns about off the terminal: what matters is said in our own words."""
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(level)
-
-
-def _read(path: Path) -> Any:
-    """The trimesh scene in a file."""
-    import trimesh
-
-    known = trimesh.available_formats()
-    suffix = path.suffix.lower().lstrip(".")
-    if suffix not in known:
-        written = f"'.{suffix}'" if suffix else "no suffix"
-        raise InputError(
-            f"'{path}' has {written}, which is no mesh format known here; convert it to GLB, OBJ, PLY or STL."
-        )
-    with _quiet():
-        try:
-            # Materials are of no use here, and reading their pictures would take most of the time.
-            options: dict[str, Any] = {"skip_materials": True} if suffix in {"glb", "gltf", "obj"} else {}
-            return trimesh.load_scene(path, process=False, **options)
-        except Exception as error:
-            # Loaders raise whatever their parsers run into: to a user each of them means the same.
-            reason = " ".join(str(error).split())[:120] or type(error).__name__
-            raise InputError(
-                f"'{path}' is not a readable {suffix.upper()} file ({reason}); export it again, or convert it to"
-                " GLB, OBJ, PLY or STL."
-            ) from error
-
-
-def _pieces(source: Any, name: str) -> tuple[list[tuple[str, np.ndarray, np.ndarray]], list[str]]:
-    """(node name, vertices in the mesh's frame, triangles) of everything in a scene that has faces.
+def _check_content(file: MeshFile, name: str) -> list[str]:
+    """Sentences about what a file holds beside faces.
 
     Raises:
-        InputError: if there is nothing of the kind.
+        InputError: if it holds no faces.
     """
-    pieces, bare = [], 0
-    with _quiet():
-        for node, geometry, matrix in _nodes(source, name):
-            faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))))
-            if len(faces) == 0:
-                bare += len(getattr(geometry, "vertices", ()))
-                continue
-            vertices = np.asarray(geometry.vertices, np.float64)
-            if matrix is not None:
-                vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-                if np.linalg.det(matrix[:3, :3]) < 0.0:
-                    # A mirroring transform turns the surface inside out, unless its triangles turn with it.
-                    faces = faces[:, ::-1]
-            pieces.append((str(node), vertices, faces.astype(np.int64)))
-    if not pieces and bare:
+    others = [
+        f"{count} {word}{'' if count == 1 else 's'}"
+        for count, word in ((file.points, "point"), (file.lines, "line"))
+        if count
+    ]
+    if any(len(piece.faces) for piece in file.pieces):
+        verb = "was" if file.points + file.lines == 1 else "were"
+        return [*file.notes, *([f"{' and '.join(others)} without faces {verb} left out."] if others else [])]
+    if file.points and not file.lines:
         raise InputError(
-            f"{name} holds {bare} points but no faces; make a surface of them first, for instance by Poisson"
+            f"{name} holds {others[0]} but no faces; make a surface of them first, for instance by Poisson"
             " reconstruction in MeshLab."
         )
-    if not pieces:
-        raise InputError(f"{name} holds no faces; it may be another kind of file under this name.")
-    notes = [f"{bare} points or line vertices without faces were left out."] if bare else []
-    return pieces, notes
-
-
-def _nodes(source: Any, name: str) -> Iterator[tuple[str, Any, np.ndarray | None]]:
-    """(node name, geometry, transform or None) of a trimesh object."""
-    if hasattr(source, "graph") and hasattr(source, "geometry"):
-        for node in source.graph.nodes_geometry:
-            matrix, geometry = source.graph[node]
-            matrix = np.asarray(matrix, np.float64)
-            yield node, source.geometry[geometry], None if np.array_equal(matrix, np.eye(4)) else matrix
-    elif hasattr(source, "vertices"):
-        yield "mesh", source, None
-    else:
+    if others:
         raise InputError(
-            f"{name} is a {type(source).__name__}; give a path, a trimesh.Trimesh or a trimesh.Scene."
+            f"{name} holds {' and '.join(others)} but no faces; export the surface of the shape."
         )
+    raise InputError(f"{name} holds no faces; export the surface of the shape.")
 
 
-def _concatenate(
-    pieces: list[tuple[str, np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray, list[Part]]:
+def _concatenate(pieces: list[Piece]) -> tuple[np.ndarray, np.ndarray, list[Part]]:
     vertices, faces, parts = [], [], []
     vertex_count = face_count = 0
-    for name, points, triangles in pieces:
-        vertices.append(points)
-        faces.append(triangles + vertex_count)
-        parts.append(Part(name, face_count, len(triangles)))
-        vertex_count += len(points)
-        face_count += len(triangles)
+    for piece in pieces:
+        vertices.append(piece.vertices)
+        # An index that is not there must not become one of the next piece.
+        outside = (piece.faces < 0) | (piece.faces >= len(piece.vertices))
+        faces.append(np.where(outside, -1, piece.faces + vertex_count))
+        parts.append(Part(piece.name, face_count, len(piece.faces)))
+        vertex_count += len(piece.vertices)
+        face_count += len(piece.faces)
     return np.ascontiguousarray(np.concatenate(vertices)), np.ascontiguousarray(np.concatenate(faces)), parts
 
 
@@ -216,7 +159,13 @@ def _check_arrays(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
 
 
 def _weld(
-    vertices: np.ndarray, faces: np.ndarray, parts: list[Part], digest: str, notes: list[str], name: str
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    parts: list[Part],
+    digest: str,
+    notes: list[str],
+    name: str,
+    reader: str,
 ) -> LoadedMesh:
     vertices, faces = weld_vertices(vertices, faces)
     kept, more = clean_faces(faces)
@@ -235,4 +184,5 @@ def _weld(
         tuple(named),
         digest,
         tuple(notes + more),
+        reader,
     )

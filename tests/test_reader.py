@@ -34,7 +34,7 @@ def test_reads_what_load_mesh_reads(mesh: Path, monkeypatch: pytest.MonkeyPatch)
         assert isinstance(source, MeshReader)
         assert Path(source) == mesh
         # Here it must not be read: that is the other process's work.
-        monkeypatch.setattr("resfit.target.load._read", None)
+        monkeypatch.setattr("resfit.target.load.read_mesh_file", None)
         found = load_mesh(source)
     assert_gone(source._process.pid)
     assert np.array_equal(found.vertices, expected.vertices)
