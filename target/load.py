@@ -20,6 +20,7 @@ from .formats import read_mesh_file
 from .formats.by_trimesh import from_object
 from .formats.mesh_file import MeshFile, Piece
 from .reader import MeshReader
+from .specks import find_specks
 from .weld import clean_faces, face_areas, weld_vertices
 
 if TYPE_CHECKING:
@@ -167,22 +168,25 @@ def _weld(
     name: str,
     reader: str,
 ) -> LoadedMesh:
-    vertices, faces = weld_vertices(vertices, faces)
+    specks, left_out = find_specks(vertices, faces)
+    near = np.flatnonzero(~specks)
+    vertices, faces = weld_vertices(vertices, faces[near])
     kept, more = clean_faces(faces)
     if len(kept) == 0 or not face_areas(vertices, faces[kept]).max() > 0.0:
         raise InputError(
             f"no face of {name} has an area: it holds lines or points only, and no shape to fit."
         )
     used, inverse = np.unique(faces[kept], return_inverse=True)
-    starts = np.searchsorted(kept, [part.first_face for part in parts])
-    ends = np.searchsorted(kept, [part.first_face + part.face_count for part in parts])
+    source = near[kept]
+    starts = np.searchsorted(source, [part.first_face for part in parts])
+    ends = np.searchsorted(source, [part.first_face + part.face_count for part in parts])
     named = [Part(part.name, int(a), int(b - a)) for part, a, b in zip(parts, starts, ends, strict=True)]
     return LoadedMesh(
         vertices[used],
         inverse.reshape(-1, 3).astype(np.int64),
-        kept,
+        source,
         tuple(named),
         digest,
-        tuple(notes + more),
+        (*notes, *([left_out] if left_out else []), *more),
         reader,
     )

@@ -68,10 +68,15 @@ def clean_faces(faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
     kept = np.sort(whole[order[new]])
     notes = []
     if len(whole) < len(faces):
-        notes.append(f"{len(faces) - len(whole)} faces without area were dropped.")
+        notes.append(_dropped(len(faces) - len(whole), "{} without area"))
     if len(kept) < len(whole):
-        notes.append(f"{len(whole) - len(kept)} repeated faces were dropped.")
+        notes.append(_dropped(len(whole) - len(kept), "repeated {}"))
     return kept, notes
+
+
+def _dropped(count: int, what: str) -> str:
+    noun, verb = ("face", "was") if count == 1 else ("faces", "were")
+    return f"{count} {what.format(noun)} {verb} dropped."
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

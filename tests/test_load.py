@@ -71,7 +71,7 @@ def test_useless_faces_are_dropped_with_a_note() -> None:
     mesh = load_mesh(trimesh.Trimesh(box.vertices, faces, process=False))
     assert len(mesh.faces) == 12
     assert mesh.source_faces.tolist() == list(range(12))
-    assert "1 faces without area were dropped." in mesh.notes
+    assert "1 face without area was dropped." in mesh.notes
     assert "3 repeated faces were dropped." in mesh.notes
 
 
