@@ -50,6 +50,8 @@ class Target:
     input_sha256: str
     volume: float
     """Of the solid, in cubed normalised units, by counting cells."""
+    reader: str = ""
+    """What read the file, with its version."""
 
 
 def make_target(
@@ -94,5 +96,5 @@ def make_target(
     volume = float(np.clip(0.5 - grid / spacing, 0.0, 1.0).sum(dtype=np.float64)) * spacing**3
     return Target(
         transform, vertices.astype(np.float32), mesh.faces.astype(np.int32), mesh.parts, solid, query, grid,
-        resolution, samples, lower, upper, solid.sentence, mesh.notes, mesh.sha256, volume,
+        resolution, samples, lower, upper, solid.sentence, mesh.notes, mesh.sha256, volume, mesh.reader,
     )  # fmt: skip

@@ -114,6 +114,27 @@ def test_timeout_writes_something_but_spares_an_earlier_fit(
     assert (tmp_path / "fit" / "report.json").read_bytes() == before
 
 
+def test_an_empty_assembly_is_no_result(
+    meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["fit", str(meshes / "box.stl"), "-o", str(tmp_path / "fit"), "--preset", "fast"]
+    assert resfit.cli.main([*arguments, "--parsimony", "0.99"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and "no part raised the objective for 'box.stl'" in captured.err
+    assert not (tmp_path / "fit").exists()
+
+
+def test_a_speck_far_away_does_not_hide_the_shape(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    box = trimesh.creation.box()
+    speck = trimesh.Trimesh([(400, 0, 0), (400, 0.1, 0), (400, 0, 0.1)], [[0, 1, 2]], process=False)
+    trimesh.util.concatenate([box, speck]).export(tmp_path / "far.stl")
+    arguments = ["fit", str(tmp_path / "far.stl"), "-o", str(tmp_path / "fit"), "--preset", "fast"]
+    assert resfit.cli.main(arguments) == 0
+    assert "1 face, 400 or more away from the rest" in capsys.readouterr().out
+    report = json.loads((tmp_path / "fit" / "report.json").read_text())
+    assert report["metrics"]["iou"] > 0.95 and report["input"]["reader"]
+
+
 def test_progress_as_json_lines(meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["fit", str(meshes / "box.stl"), "-o", str(tmp_path / "fit"), "--device", "cpu"]
     assert resfit.cli.main([*arguments, "--preset", "fast", "--progress", "json"]) == 0

@@ -16,6 +16,7 @@ from resfit.assembly.atomic_write import write_bytes
 from resfit.assembly.colors import rgb
 from resfit.assembly.history import History
 from resfit.clock import Clock, peak_mb, timed
+from resfit.errors import InputError
 from resfit.eval.metrics import Deviation
 from resfit.export.by_suffix import export_assembly
 from resfit.export.facts import report_facts, up_axis
@@ -56,6 +57,8 @@ class InputInfo:
     """What the solid was decided to be."""
     notes: tuple[str, ...]
     """What else was changed on the way."""
+    reader: str = ""
+    """What read the file, with its version."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +104,13 @@ class FitResult:
         whose files are replaced.
 
         Raises:
-            InputError: if the folder holds something else, or cannot be written.
+            InputError: if the assembly is empty, the folder holds something else, or cannot be written.
         """
+        if not self.assembly.primitives:
+            raise InputError(
+                f"no part raised the objective for '{self.input.name}', so nothing was written; look at the mesh,"
+                " or lower --parsimony."
+            )
         clock, timings = Clock.now(), dict(self.timings)
         folder = Path(directory)
         with filling(folder) as temporary:
@@ -214,6 +222,7 @@ def describe_input(target: Target, name: str | os.PathLike[str] | None) -> Input
         closed=target.solid.kind in CLOSED_KINDS,
         sentence=target.sentence,
         notes=tuple(target.notes),
+        reader=target.reader,
     )
 
 

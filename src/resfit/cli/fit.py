@@ -197,8 +197,6 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
     stopped = result.status.value
     if result.placeholder:
         stopped = "before a part was found: the one part is a box around the mesh"
-    elif not count:
-        stopped = "no part would have raised the objective: the assembly is empty"
     lines = [
         f"{result.input.name}: {parts}, {', '.join(figures)}, {seconds:.1f} s",
         f"  input    {result.input.sentence}",
