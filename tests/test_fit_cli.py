@@ -117,10 +117,10 @@ def test_timeout_writes_something_but_spares_an_earlier_fit(
 def test_an_empty_assembly_is_no_result(
     meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["fit", str(meshes / "box.stl"), "-o", str(tmp_path / "fit"), "--preset", "fast"]
+    arguments = ["fit", str(meshes / "torus.ply"), "-o", str(tmp_path / "fit"), "--preset", "fast"]
     assert resfit.cli.main([*arguments, "--parsimony", "0.99"]) == 2
     captured = capsys.readouterr()
-    assert captured.out == "" and "no part raised the objective for 'box.stl'" in captured.err
+    assert captured.out == "" and "no part raised the objective for 'torus.ply'" in captured.err
     assert not (tmp_path / "fit").exists()
 
 
