@@ -17,6 +17,7 @@ from .per_part import fit_parts, grid_iou
 from .progress import Progress
 from .relations import Relation
 from .snap import snap
+from .standard_form import standard_forms
 from .ties import Copied
 from .trade_off import RICH_SHARE, Cut, cut_down
 
@@ -74,6 +75,7 @@ def fit_stages(
         tell(_progress("snap", fitted.outcome, SNAP_BEGINS))
         _snap(fitted, target, config, device, should_stop)
     else:
+        _standardise(fitted, target, config, device)
         fitted.relations = _copies(fitted)
     return fitted
 
@@ -129,6 +131,13 @@ def _snap(
     _take(fitted, regular.rows, target, config, device)
     fitted.snapped = True
     fitted.relations = [*_copies(fitted), *regular.relations]
+
+
+def _standardise(fitted: Fitted, target: Target, config: FitConfig, device: wp.Device) -> None:
+    """Each primitive in its standard form."""
+    rows = standard_forms(fitted.outcome.rows, Judge(target, config, device), fitted.copies)
+    if not np.array_equal(rows, fitted.outcome.rows):
+        _take(fitted, rows, target, config, device)
 
 
 def _take(fitted: Fitted, rows: np.ndarray, target: Target, config: FitConfig, device: wp.Device) -> None:

@@ -117,8 +117,8 @@ class Family:
         return np.where(high > low, np.log(share / (1.0 - share)), 0.0)
 
 
-LENGTH_MAX = 2.0
-"""No extent in the normalised frame exceeds this."""
+LENGTH_MAX = 3.2
+"""No extent in the normalised frame exceeds this: a turned rod may be as long as the diagonal of the cube."""
 
 
 def size_parameter(description: str = "full extents; z is the sweep axis") -> Parameter:
@@ -135,7 +135,7 @@ def dilation_parameter() -> Parameter:
         "offset of the surface; rounds every convex edge",
         "length",
         (0.0, math.inf),
-        (0.0, 0.5),
+        (0.0, 1.0),
         (0.0,),
         (0.0, 1.0),
     )
@@ -161,7 +161,7 @@ def onion_parameter() -> Parameter:
         "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
         "ratio",
         (-1.0, 1.0),
-        (-1.0, 0.995),
+        (-1.0, 1.0),
         (-1.0,),
         (-1.0, 1.0),
     )
