@@ -172,9 +172,13 @@ def test_names(tmp_path: Path) -> None:
         (
             {"scenes": [{"nodes": [0]}, {"nodes": [1, 2]}]},
             1,
-            "3 nodes with a mesh outside the file's default scene",
+            "3 nodes with meshes outside the default scene were left out.",
         ),
-        ({"scenes": [{"nodes": [0]}, {"nodes": [1, 2]}], "scene": 1}, 3, "1 node with a mesh outside"),
+        (
+            {"scenes": [{"nodes": [0]}, {"nodes": [1, 2]}], "scene": 1},
+            3,
+            "1 node with a mesh outside the default scene was left out.",
+        ),
     ],
 )
 def test_scenes(tmp_path: Path, fields: dict[str, Any], count: int, said: str) -> None:
@@ -192,6 +196,11 @@ def test_meshes_of_a_file_without_nodes_are_read(tmp_path: Path) -> None:
     file.mesh(name="a")
     file.mesh(CUBE + 2, name="b")
     assert [piece.name for piece in read_mesh_file(file.save(tmp_path)).pieces] == ["a", "b"]
+    file.node(mesh=1)
+    found = read_mesh_file(file.save(tmp_path))
+    assert [piece.name for piece in found.pieces] == ["b"] and found.notes == (
+        "1 mesh without a node was left out.",
+    )
 
 
 def test_few_of_many_shared_vertices(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from .gltf_nodes import IDENTITY, Nodes, instance_transforms, unique_names
 from .mesh_file import MeshFile, Piece
 
 PIECE_COST = 50
-"""Vertices and faces that a piece counts for at least: arrays have heads, too."""
+"""Vertices and faces that a piece counts for at least: it takes memory and time of its own."""
 
 
 def read(path: Path) -> MeshFile:
@@ -107,7 +107,7 @@ class _Scene:
         self.pieces.append(Piece(name, vertices, faces))
 
     def _count(self, mesh: Mesh) -> None:
-        self.document.take(sum(max(len(p.positions) + len(p.faces), PIECE_COST) for p in mesh.primitives))
+        self.document.take(sum(max(primitive.size, PIECE_COST) for primitive in mesh.primitives))
         self.points += mesh.points
         self.lines += mesh.lines
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,16 +34,22 @@ class Primitive:
     weights: Floats | None = None
     """(n, k) of these joints."""
 
+    @property
+    def size(self) -> int:
+        """Number of vertices and faces that are handled where it is placed."""
+        joints = 0 if self.joints is None else self.joints.shape[1]
+        return len(self.faces) + len(self.positions) * (1 + len(self.targets) + joints)
 
-@dataclass(frozen=True)
+
+@dataclass
 class Mesh:
     """A mesh, and what of it is no surface."""
 
-    primitives: tuple[Primitive, ...]
-    targets: int = 0
+    targets: int
     """Number of morph targets."""
-    weights: tuple[float, ...] = ()
-    """Of the morph targets, by default; none are 0."""
+    weights: tuple[float, ...]
+    """Of the morph targets, by default; empty where all are 0."""
+    primitives: list[Primitive] = field(default_factory=list)
     points: int = 0
     lines: int = 0
 
@@ -68,67 +74,69 @@ class Meshes:
             record = self.records[index]
             primitives = record.records("primitives")
             targets = max((len(primitive.records("targets")) for primitive in primitives), default=0)
-            found = Mesh((), targets, morph_weights(record, targets))
+            found = Mesh(targets, morph_weights(record, targets))
             for primitive in primitives:
-                found = self._add(found, primitive, record.name() or str(index))
+                self._add(found, primitive, record.name() or str(index))
             self._meshes[index] = found
         return self._meshes[index]
 
-    def _add(self, mesh: Mesh, record: Record, name: str) -> Mesh:
-        """The mesh with one more primitive."""
+    def _add(self, mesh: Mesh, record: Record, name: str) -> None:
+        """Add a primitive to a mesh."""
         mode = record.integer("mode", TRIANGLES, high=TRIANGLE_FAN)
         attributes = record.record("attributes")
         index = attributes.index("POSITION", self.accessors.records)
         if index is None:
             self.document.notes[f"Primitives of '{name}' without positions were left out."] = None
-            return mesh
+            return
         packed = record.extension(DRACO)
+        columns: dict[str, npt.NDArray[Any]] = {}
         if packed is not None and "bufferView" not in self.accessors.records[index].value:
             columns, corners = self._decode_draco(record, packed)
             points = columns["POSITION"]
         else:
-            columns, points = {}, self.accessors.stored(index, "VEC3")
-            corners = None
+            points = self.accessors.stored(index, "VEC3")
+            corners = self._corners(record, len(points))
         self._check_bounds(index, points, name)
         if mode < TRIANGLES:
-            which = record.index("indices", self.accessors.records)
-            count = len(points) if which is None else self.accessors.records[which].integer("count")
-            if mode == POINTS:
-                return replace(mesh, points=mesh.points + count)
-            segments = {LINES: count // 2, LINE_LOOP: count, LINE_STRIP: max(count - 1, 0)}[mode]
-            return replace(mesh, lines=mesh.lines + segments)
-        faces = self._faces(record, mode, len(points), corners)
-        if len(faces) == 0:
-            return mesh
-        # A primitive may use few of many shared vertices: copies of all of them would fill the memory.
-        used = None
-        if len(points) > 3 * len(faces):
-            if faces.max() >= len(points):
-                raise InputError(
-                    f"a face of '{record.path}' names a vertex that is not there; the file is damaged, export it again."
-                )
-            used, inverse = np.unique(faces, return_inverse=True)
-            faces = inverse.reshape(-1, 3)
-        chosen = slice(None) if used is None else used
-        self.document.take(len(points[chosen]))
-        positions = self.accessors.scaled(index, points[chosen])
-        found = Primitive(positions, faces, self._targets(record, len(points), chosen))
-        joints, weights = self._joints(attributes, columns, len(points), chosen)
-        return replace(mesh, primitives=(*mesh.primitives, replace(found, joints=joints, weights=weights)))
-
-    def _faces(self, record: Record, mode: int, count: int, corners: Ints | None) -> Ints:
-        """Triangles (m, 3) of a primitive of `count` vertices; Draco has its own corners, always of triangles."""
-        if corners is not None:
-            self.document.take(len(corners))
-            return corners.reshape(-1, 3)
-        which = record.index("indices", self.accessors.records)
-        self.document.take(count if which is None else len(self.accessors.stored(which, "SCALAR")))
-        corners = np.arange(count) if which is None else self.accessors.indices(which)
+            self._count(mesh, mode, len(corners))
+            return
+        # Draco's corners are always those of triangles.
+        faces = triangles(corners, TRIANGLES if columns else mode)
         if mode == TRIANGLES and len(corners) % 3:
-            self.document.notes[f"The last triangle of {record.where} lacks a corner and was left out."] = (
-                None
+            note = f"The last triangle of {record.where} lacks a corner and was left out."
+            self.document.notes[note] = None
+        if len(faces) == 0:
+            return
+        faces, chosen = self._used(faces, len(points))
+        self.document.take(len(points[chosen]))
+        targets = self._targets(record, len(points), chosen)
+        joints, weights = self._joints(attributes, columns, len(points), chosen)
+        positions = self.accessors.scaled(index, points[chosen])
+        mesh.primitives.append(Primitive(positions, faces, targets, joints, weights))
+
+    def _corners(self, record: Record, count: int) -> Ints:
+        """Indices of the corners of a primitive of `count` vertices, (k,)."""
+        index = record.index("indices", self.accessors.records)
+        self.document.take(count if index is None else len(self.accessors.stored(index, "SCALAR")))
+        return np.arange(count) if index is None else self.accessors.indices(index)
+
+    def _count(self, mesh: Mesh, mode: int, corners: int) -> None:
+        if mode == POINTS:
+            mesh.points += corners
+        else:
+            mesh.lines += {LINES: corners // 2, LINE_LOOP: corners, LINE_STRIP: max(corners - 1, 0)}[mode]
+
+    def _used(self, faces: Ints, count: int) -> tuple[Ints, Ints | slice]:
+        """Faces, and the vertices to take for them: all, but of many shared ones only those that faces name."""
+        if count <= 3 * len(faces):
+            return faces, slice(None)
+        if faces.max() >= count:
+            raise InputError(
+                f"a face of '{self.document.path}' names a vertex that is not there; the file is damaged, export it"
+                " again."
             )
-        return triangles(corners, mode)
+        used, inverse = np.unique(faces, return_inverse=True)
+        return inverse.reshape(-1, 3), used
 
     def _targets(self, record: Record, count: int, chosen: Any) -> tuple[Floats | None, ...]:
         found: list[Floats | None] = []
@@ -167,9 +175,8 @@ class Meshes:
     def _check_bounds(self, index: int, points: npt.NDArray[Any], name: str) -> None:
         """Note where an accessor does not hold what it states: a fault of the file, or of how it was read."""
         if index not in self._checked and self.accessors.misses_bounds(index, points):
-            self.document.notes[f"The bounds that the file states for '{name}' differ from its points."] = (
-                None
-            )
+            note = f"The bounds that the file states for '{name}' differ from its points."
+            self.document.notes[note] = None
         self._checked.add(index)
 
     def _decode_draco(self, record: Record, packed: Record) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
@@ -194,6 +201,7 @@ class Meshes:
             ) from error
         if "POSITION" not in found or found["POSITION"].shape[1:] != (3,):
             raise InputError(f"the Draco data of '{record.path}' holds no positions; export it again.")
+        self.document.take(len(corners))
         return found, corners
 
 

@@ -61,12 +61,23 @@ class Nodes:
         found = self._walk(roots or [node for node, parent in enumerate(self.parents) if parent < 0])
         inside = set(found)
         others = sum(mesh is not None and node not in inside for node, mesh in enumerate(self.meshes))
-        if others:
-            self.document.notes[
-                f"{others} {'node' if others == 1 else 'nodes'} with a mesh outside the file's"
-                f" {'scene' if len(scenes) == 1 else 'default scene'} left out."
-            ] = None
+        self._note(
+            others,
+            "node with a mesh outside the default scene",
+            "nodes with meshes outside the default scene",
+        )
+        if self.records:
+            self._note(
+                len(self._meshes) - len(set(self.meshes) - {None}),
+                "mesh without a node",
+                "meshes without nodes",
+            )
         return found
+
+    def _note(self, count: int, one: str, several: str) -> None:
+        if count:
+            said = f"1 {one} was" if count == 1 else f"{count} {several} were"
+            self.document.notes[f"{said} left out."] = None
 
     def _find_parents(self) -> list[int]:
         parents = [-1] * len(self.records)
