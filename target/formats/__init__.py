@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from .mesh_file import MeshFile
 
 READERS = {
-    "glb": "by_trimesh",
-    "gltf": "by_trimesh",
+    "glb": "gltf",
+    "gltf": "gltf",
     "obj": "by_trimesh",
     "ply": "by_trimesh",
     "stl": "by_trimesh",
