@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import stat
 import tarfile
@@ -75,7 +74,7 @@ def _temporary_folder() -> Iterator[Path]:
     """A folder that is removed at the end; with it go those that a killed process has left."""
     for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with suppress(OSError):
-            if time.time() - left.lstat().st_mtime > STALE_SECONDS and left.lstat().st_uid == os.getuid():
+            if time.time() - left.lstat().st_mtime > STALE_SECONDS:
                 shutil.rmtree(left, ignore_errors=True)
     with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as folder:
         yield Path(folder)
