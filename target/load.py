@@ -96,6 +96,10 @@ def _hash_file(path: Path) -> str:
             raise InputError(f"'{path}' is a folder, not a mesh file; give the path of one file in it.")
         if not path.exists():
             raise InputError(f"there is no file '{path}'; check the path.")
+        if not path.is_file():
+            raise InputError(
+                f"'{path}' is a pipe or device, not a regular file; write the mesh to a file first."
+            )
         if path.stat().st_size == 0:
             raise InputError(f"'{path}' is empty (0 bytes); export or download it again.")
         with path.open("rb") as file:

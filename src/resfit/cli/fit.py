@@ -56,7 +56,7 @@ def fit(
     Ctrl-C keeps the best so far; a second one aborts. More options: resfit fit --help-all.
 
     Args:
-        mesh: a mesh in any common format: .glb .obj .ply .stl .off .3mf ...
+        mesh: a mesh: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2.
         output: folder to write; STEM.resfit in the current folder unless given. It may hold an earlier fit.
         preset: how much work to spend.
         device: auto, cpu or cuda:0.
