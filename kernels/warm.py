@@ -21,6 +21,7 @@ from .idle import drop_idle
 from .inside import InsideTest
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
+from .launch import serial_device
 from .loss_points import contributions, drop_blocks, loss_points, weigh_points
 from .loss_rows import RowSorter
 from .mesh_grid import signed_distance_grid
@@ -71,7 +72,7 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
 
 
 def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
-    holdings = Holdings(len(points), primitives.device)
+    holdings = Holdings(len(points), serial_device())
     holdings.append(InsideTest(points, primitives.device).masks(primitives))
     holdings.common([0])
     counts = Counts(holdings, np.zeros(len(points)), np.ones(len(points)))
@@ -80,7 +81,7 @@ def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
     additions.mend()
     replace_members(counts, [0], [0], Prices())
     some = np.zeros(2)
-    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, primitives.device).sums_of(1, [0.0])
+    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, serial_device()).sums_of(1, [0.0])
 
 
 def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
@@ -110,4 +111,4 @@ def _warm_grids(device: wp.Device) -> None:
     solid = cells_of(np.ones((4, 4, 4), bool))
     deepest_core(solid, np.ones(len(solid), np.float32), 1)
     solid.run_lengths()
-    squared_distances(solid.index, solid.index, device)
+    squared_distances(solid.index, solid.index, serial_device())

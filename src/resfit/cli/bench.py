@@ -41,7 +41,7 @@ def bench(
             how long edits take to show.
         meshes: of fit and the ablation: files, folders or lists, as for resfit compare; fit takes the bundled ones if
             there are none.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
         as_json: print JSON and nothing else.
         markdown: also write the tables of the kernels or of fit to this file, and fit's chart of growth beside it.
         count: primitives to recover.
