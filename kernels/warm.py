@@ -26,6 +26,7 @@ from .loss_points import contributions, drop_blocks, loss_points, weigh_points
 from .loss_rows import RowSorter
 from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
+from .mesh_rows import measure_band
 from .morphology import deepest_core
 from .normal_equations import normal_equations
 from .occupancy import Holdings
@@ -104,6 +105,7 @@ def _warm_grids(device: wp.Device) -> None:
     vertices = 0.8 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
     grid = signed_distance_grid(MeshQuery(vertices, faces, device), 16)
+    measure_band(MeshQuery(vertices, faces, device), 16, 0.2)
     camera = frame_bounds(np.full(3, -1.0), np.full(3, 1.0))
     render_mesh(vertices, faces, camera, 16, 12, samples=1, device=device)
     inside = wp.array(grid.distance.numpy() < 0, dtype=wp.bool, device=device)

@@ -54,9 +54,10 @@ def bench(
         repeats: runs of each fit, whose median is shown.
         cold: of fit: also compile all kernels into an empty cache.
         one_core: of fit: also fit on one core, for the speed-up of all.
-        grow: of fit: also how the stages grow with the faces, the grid, the primitives and the samples.
-        sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k"; a few sizes of
-            all four unless given.
+        grow: of fit: also how the stages grow with the faces, the grid, the primitives, the samples, and the
+            triangles of a soup.
+        sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k soup=3000"; a
+            few sizes of all five unless given.
     """
     if what == "ablation":
         return ablation(meshes, output, studies, timeout, fresh, device)
