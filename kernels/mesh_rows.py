@@ -14,6 +14,7 @@ import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
 from .mesh_query import MeshQuery
+from .slivers import seen_faces
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -22,9 +23,6 @@ CROWDED = 32.0
 
 LOOKED_AT = 10_000
 """Faces whose boxes tell how many there are."""
-
-SLIVER = 1e-6
-"""Twice the area over the sum of the squared sides: below this, Warp's queries do not see a face, but for a point."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +63,7 @@ def measure_band(query: MeshQuery, resolution: int, reach: float) -> CellBand:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
-    squares = sum(((q - p) ** 2).sum(axis=1) for p, q in ((a, b), (a, c), (b, c)))
-    seen = ~(length < SLIVER * squares)
+    seen = seen_faces(vertices, faces)
     low, high = _boxes(vertices, faces[seen])
     corners = np.stack([a[seen], b[seen], c[seen]], axis=1)
     normal = cross[seen] / np.maximum(length[seen, None], 1e-30)

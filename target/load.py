@@ -21,7 +21,7 @@ from .formats.by_trimesh import from_object
 from .formats.mesh_file import MeshFile, Piece
 from .reader import MeshReader
 from .specks import find_specks
-from .weld import clean_faces, has_area, weld_vertices
+from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices
 
 if TYPE_CHECKING:
     import trimesh
@@ -176,7 +176,7 @@ def _weld(
     near = np.flatnonzero(~specks)
     welded, corners = weld_vertices(vertices, faces[near], name)
     kept, more = clean_faces(corners)
-    if not has_area(welded, corners[kept]):
+    if not has_area(welded, corners[kept], LEAST_WIDTH):
         raise InputError(
             f"every face of {name} is thinner than a millionth of the longest side; no shape can be fitted to it."
             if has_area(vertices, faces[near])

@@ -10,6 +10,8 @@ WELD_STEPS = 1 << 20
 """Vertices in the same cell of a grid with this many cells along the longest side become one: a millionth of
 the size is above the rounding of float32 files, and below any feature."""
 
+LEAST_WIDTH = 1.5e-7
+"""Width of a face, by the longest side of the mesh, that is left of it in float32."""
 
 SMALLEST = 1e-280
 """Of the longest side: below, its inverse and squares of its parts are no longer numbers."""
@@ -88,11 +90,14 @@ def _dropped(count: int, what: str) -> str:
     return f"{count} {what.format(noun)} {verb} dropped."
 
 
-def has_area(vertices: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether any triangle has an area that is above 0 when the mesh is scaled to size 1."""
+def has_area(vertices: np.ndarray, faces: np.ndarray, least: float = 0.0) -> bool:
+    """Whether any triangle, across its longest side, is wider than `least` when the mesh is scaled to size 1."""
     low = vertices.min(axis=0)
     side = max(float((vertices.max(axis=0) - low).max()), SMALLEST)
-    return len(faces) > 0 and bool(face_areas((vertices - low) / side, faces).max() > 0.0)
+    corners = ((vertices - low) / side)[faces]
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return bool((doubled > least * longest).any())
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
