@@ -56,7 +56,7 @@ install: $(BIN)/python
 	$(call install-extras,test)
 
 install-all: $(BIN)/python
-	$(call install-extras,test$(,)browser$(,)compare$(,)web)
+	$(call install-extras,test$(,)browser$(,)compare$(,)web$(,)gltf)
 
 # The system's own Chromium where it can be had, else the one that Playwright brings.
 install-chromium = command -v chromium >/dev/null || command -v google-chrome >/dev/null || \

@@ -13,6 +13,7 @@ import warp as wp
 
 from ..kernels.cells import CellSet, squared_distances
 from ..kernels.distance_grid import distance_transform
+from ..kernels.launch import serial_device
 from ..kernels.morphology import components, deepest_core
 from .coarse import WorkingGrid
 from .region import Region
@@ -140,7 +141,7 @@ def _distances(
     near = np.flatnonzero(held).astype(np.int32)
     index = cells.at(near)
     if len(near) * len(seeds) < PAIRS_PER_CELL * np.prod(high - low) + PAIRS_PER_TRANSFORM:
-        return near, np.sqrt(squared_distances(index, target, device))
+        return near, np.sqrt(squared_distances(index, target, serial_device()))
     mask = np.zeros(high - low, bool)
     mask[tuple(target - low[:, None])] = True
     away = distance_transform(wp.array(mask, dtype=wp.bool, device=device)).numpy()

@@ -18,10 +18,10 @@ import numpy as np
 from resfit.errors import InputError
 
 from ..assembly.transform import Transform
+from ..target.formats import MESH_SUFFIXES
 from ..target.load import load_mesh
 from .metrics_surface import chamfer, draw_surface
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".3mf")
 LISTS = (".txt", ".lst", ".list")
 
 SELECTION_POINTS = 1024
@@ -152,7 +152,7 @@ def _read_list(path: Path) -> list[Shape]:
 
 
 def _meshes(paths: Iterable[Path]) -> list[Path]:
-    return sorted(path for path in paths if path.suffix.lower() in SUFFIXES and path.is_file())
+    return sorted(path for path in paths if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
 
 
 def _plain_name(name: str) -> str:

@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from ..assembly.transform import NORMALISED_SIDE
+from ..target.formats import MESH_SUFFIXES
 from .contact_sheet import draw_sheet
 from .results_table import worst_rows, write_table
-
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".3mf")
 
 GRACE_SECONDS = 60.0
 """After the time is up, a fit may take this long to write what it has."""
@@ -59,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def find_meshes(folders: Sequence[Path]) -> list[Path]:
     """All meshes directly in the folders, by name."""
-    found = [path for folder in folders for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
+    found = [path for folder in folders for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES]
     return sorted(found, key=lambda path: path.name)
 
 

@@ -69,7 +69,7 @@ def export_assembly(
         path: .glb, .obj, .ply or .stl; or .html, a page that draws and edits the assembly itself.
         merged: one surface of the smooth union, or one closed surface a part; None is what suits the format.
         resolution: cells along the longest side, of the whole or of each part; None is what suits.
-        device: `auto`, `cpu`, `cuda:0`.
+        device: `auto` (the CPU), `cpu`, `cuda:0`.
 
     Raises:
         InputError: if the suffix is unknown or the file cannot be written.

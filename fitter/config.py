@@ -176,6 +176,7 @@ class FitConfig:
 
     preset: Preset = "balanced"
     device: str = "auto"
+    """Where the kernels run: auto (the CPU), cpu or cuda:0. The greedy choice runs on the CPU anyway."""
     seed: int = 0
     primitive: str = "superfrustum"
     """Family that is fitted."""

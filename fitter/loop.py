@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels.cores import core_count
-from ..kernels.launch import often_switching, on_cores
+from ..kernels.launch import often_switching, on_cores, serial_device
 from ..target.target import Target
 from .assess import choose_blends, rough_volume
 from .config import FitConfig
@@ -195,7 +195,7 @@ class Fit(Track):
             rows, polish = self.rows, self.config.polish
             for _ in range(polish.passes):
                 if self.config.union == "smooth":
-                    rows = choose_blends(self.values(rows), rows, self.tally, self.device)
+                    rows = choose_blends(self.values(rows), rows, self.tally, serial_device())
                     self.keep_if_better(rows)
                 if self.config.optimizer == "levenberg":
                     rows = refine(

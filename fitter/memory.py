@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..decomposition.region import Region, box_table, common_boxes
+from ..kernels.launch import serial_device
 from ..kernels.occupancy import Holdings
 from ..kernels.rows import ROW
 from .config import FitConfig
@@ -27,12 +28,12 @@ class CandidateMemory:
         self, inside: Callable[[np.ndarray], np.ndarray], point_count: int, device: wp.Device
     ) -> None:
         """`inside` says of rows (k, ROW) which of the `point_count` samples each holds, as masks (k, words) uint32;
-        `device` is where they are counted."""
+        `device` is where regions are fitted."""
         self.inside = inside
         self.device = device
         self.regions: list[Region] = []
         self.rows: list[np.ndarray] = []
-        self.holdings = Holdings(point_count, device)
+        self.holdings = Holdings(point_count, serial_device())
         self.boxes = np.zeros((0, 7))
 
     def fit_new(self, regions: list[Region], grid: np.ndarray, config: FitConfig, seed: int) -> np.ndarray:

@@ -14,6 +14,7 @@ import warp as wp
 
 from ..decomposition.region import region_from_mask
 from ..kernels.field import cell_centres, union_at
+from ..kernels.launch import serial_device
 from ..kernels.occupancy import hold
 from ..kernels.points import from_grid_blocks, grid_blocks
 from ..kernels.primitive_set import PrimitiveSet
@@ -244,7 +245,7 @@ def limit(rows: np.ndarray, judge: Judge, price: float, most: int) -> tuple[np.n
     kept = np.arange(len(rows))
     if not len(rows):
         return kept, []
-    holdings = hold(judge.values(rows) < 0, judge.device)
+    holdings = hold(judge.values(rows) < 0, serial_device())
     kept = kept[prune(holdings, judge.tally, price)]
     if len(kept) <= most:
         return kept, []

@@ -14,6 +14,7 @@ import warp as wp
 from ..decomposition.coacd import propose_convex_regions
 from ..decomposition.propose import find_parts, largest_parts
 from ..decomposition.region import Region
+from ..kernels.launch import serial_device
 from ..kernels.rows import BLEND, SHAPES
 from ..target.target import Target
 from .adam import refine_with_adam
@@ -170,7 +171,7 @@ class Track(Workbench):
             refined = self.refine(selected, number, config.refine if rich else config.sharpen)
         with self.timed("prune"):
             if config.union == "smooth":
-                refined = choose_blends(self.values(refined), refined, self.tally, self.device)
+                refined = choose_blends(self.values(refined), refined, self.tally, serial_device())
             kept, score = self.pruned(refined)
         accepted = rich is not None or score.objective > self.score.objective
         self.rounds.append(

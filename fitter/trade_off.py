@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..kernels.launch import serial_device
 from ..kernels.occupancy import hold
 from .config import FitConfig
 from .cover import Cover
@@ -72,7 +73,7 @@ def remove_down_to(values: np.ndarray, judge: Judge, count: int) -> list[int]:
         judge: the objective.
         count: how many are to be left.
     """
-    choice = Cover(hold(values < 0, judge.device), judge.tally, judge.alpha)
+    choice = Cover(hold(values < 0, serial_device()), judge.tally, judge.alpha)
     for index in range(len(values)):
         choice.add(index)
     while len(choice.chosen) > max(count, 0):

@@ -15,6 +15,7 @@ from ..decomposition.target_cells import target_cells
 from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
 from ..kernels.inside import InsideTest
+from ..kernels.launch import serial_device
 from ..kernels.occupancy import hold
 from ..kernels.points import PointBlocks, any_in_blocks, from_grid_blocks, grid_blocks, point_blocks
 from ..kernels.primitive_set import PrimitiveSet
@@ -99,7 +100,7 @@ class Workbench:
     def pruned(self, rows: np.ndarray) -> tuple[np.ndarray, Score]:
         """Rows without the primitives that do not pay, and their score."""
         values = self.values(rows)
-        left = prune(hold(values < 0, self.device), self.tally, self.alpha)
+        left = prune(hold(values < 0, serial_device()), self.tally, self.alpha)
         if len(left) < len(rows):
             self.remembered = rows[left, :BLEND], values[left]
         return rows[left], self.assess(rows[left])

@@ -9,7 +9,8 @@ import numpy as np
 import warp as wp
 
 from .frame import rotation_from_axis_angle
-from .launch import VECTOR_FLAGS, load
+from .launch import VECTOR_FLAGS
+from .module_loading import load
 from .primitive_set import PrimitiveSet
 from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE, SHAPE_C, SHAPES_C, TRANSLATION_C
 

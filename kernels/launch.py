@@ -1,4 +1,4 @@
-"""Starting Warp and launching kernels: device choice, CPU threads, quiet start, compile notice.
+"""Starting Warp and launching kernels: device choice, CPU threads, quiet start.
 
 Warp runs a CPU launch on one core but lets go of the interpreter lock meanwhile, so a launch is split over the
 cores here. Every kernel takes `first: int` as its first argument and works on index `first + wp.tid()`: a launch of
@@ -24,6 +24,8 @@ import warp as wp
 from resfit.errors import DeviceError
 
 from .cores import core_count
+from .forks import after_fork_in_child, unforked
+from .module_loading import load
 
 VECTOR_FLAGS = (
     "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
@@ -48,27 +50,23 @@ SPLIT_SECONDS = 1.5e-4
 SWITCH_SECONDS = 5e-4
 """After which a thread that holds the interpreter lock passes it on, where several work side by side."""
 
-_NOTICE_SECONDS = 0.7
-"""Loading a cached module takes milliseconds; one that takes longer than this is being compiled."""
-
 _start_lock = threading.Lock()
 _local = threading.local()
 """Of each thread: the launches being recorded, and the cores that it may use."""
 _started = False
 _pool: ThreadPoolExecutor | None = None
-_loaded: set[tuple[str, str]] = set()
-_locks: dict[tuple[str, str], threading.Lock] = {}
-_noticed = False
+_switching: list[int] = []
+"""The thread of each block of `often_switching` that is being run."""
+_usual_switching = 0.0
+"""Switch interval of the interpreter where there is none."""
 _usage: dict[str, Usage] | None = None
 _NOT_COUNTED = nullcontext()
-compile_seconds = 0.0
-"""Seconds spent in compiling or loading modules so far, added up over threads."""
 
 
 def start() -> None:
     """Initialise Warp without its banner and module messages; safe to call often."""
     global _started
-    with _start_lock:
+    with unforked(), _start_lock:
         if not _started:
             wp.config.log_level = wp.LOG_ERROR
             with _quiet_stderr():
@@ -108,13 +106,24 @@ def on_cores(count: int) -> Iterator[None]:
 
 @contextmanager
 def often_switching() -> Iterator[None]:
-    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual."""
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_SECONDS)
+    """Within, threads pass the interpreter lock on soon: a launch takes far less than the 5 ms that are usual.
+
+    Several threads may be in such blocks at once: the last one out brings back what the first one met.
+    """
+    global _usual_switching
+    me = threading.get_ident()
+    with _start_lock:
+        if not _switching:
+            _usual_switching = sys.getswitchinterval()
+            sys.setswitchinterval(SWITCH_SECONDS)
+        _switching.append(me)
     try:
         yield
     finally:
-        sys.setswitchinterval(before)
+        with _start_lock:
+            _switching.remove(me)
+            if not _switching:
+                sys.setswitchinterval(_usual_switching)
 
 
 @contextmanager
@@ -140,22 +149,42 @@ def side_by_side(*jobs: Callable[[], Any]) -> Iterator[list[Future[Any]]]:
 
 
 def choose_device(name: str = "auto") -> wp.Device:
-    """The device called `name`: `auto` (the first GPU, else the CPU), `cpu`, `cuda` or `cuda:0`.
+    """The device called `name`: `auto` (see `fastest_device`), `cpu`, `cuda` (the first GPU) or `cuda:0`.
 
     Raises:
         DeviceError: if there is no such device.
     """
     start()
     if name == "auto":
-        return wp.get_cuda_devices()[0] if wp.get_cuda_device_count() else wp.get_device("cpu")
-    if name == "cuda" and wp.get_cuda_device_count():
-        return wp.get_cuda_devices()[0]
-    present = [device.alias for device in wp.get_devices()]
-    if name not in present:
+        device = fastest_device()
+    elif name == "cuda" and wp.get_cuda_device_count():
+        device = wp.get_cuda_devices()[0]
+    elif name in (present := [found.alias for found in wp.get_devices()]):
+        device = wp.get_device(name)
+    else:
         raise DeviceError(
             f"device '{name}' is not available here; present: {', '.join(present)}. Use --device auto or cpu."
         )
-    return wp.get_device(name)
+    with _start_lock:
+        # Warp makes a GPU's context when it is first asked for, and not safely where several threads ask at once.
+        _ = device.context
+    return device
+
+
+def fastest_device() -> wp.Device:
+    """The device on which whole fits were measured to be fastest on this machine: the CPU, as no GPU is measured yet.
+
+    A probe that times a fit on a GPU belongs here.
+    """
+    return serial_device()
+
+
+def serial_device() -> wp.Device:
+    """The CPU: for kernels of few threads and long chains of dependent steps, such as the greedy choice.
+
+    One thread of a GPU takes tens of times as long for them. They are given and give NumPy arrays.
+    """
+    return wp.get_device("cpu")
 
 
 def pool() -> ThreadPoolExecutor:
@@ -169,44 +198,19 @@ def pool() -> ThreadPoolExecutor:
         return _pool
 
 
-def load(kernel: wp.Kernel, device: wp.Device) -> None:
-    """Compile or load the module of `kernel`."""
-    load_module(kernel.module, device)
+def _start_anew() -> None:
+    """In a forked child: without the threads of the parent, what they hold and what they asked for."""
+    global _pool, _start_lock
+    # As locked as it was: the fork may have met other threads anywhere.
+    _start_lock = threading.Lock()
+    _pool = None
+    me = threading.get_ident()
+    if _switching and me not in _switching:
+        sys.setswitchinterval(_usual_switching)
+    _switching[:] = [thread for thread in _switching if thread == me]
 
 
-def load_module(module: wp.Module, device: wp.Device) -> None:
-    """Compile or load a module, with one notice on stderr if that takes long enough to be noticed.
-
-    Several threads may load different modules at once; those that want the same one wait for the first.
-    """
-    global compile_seconds
-    key = (module.name, device.alias)
-    if key in _loaded:
-        return
-    with _start_lock:
-        lock = _locks.setdefault(key, threading.Lock())
-    with lock:
-        if key in _loaded:
-            return
-        notice = threading.Timer(_NOTICE_SECONDS, _notice_compiling)
-        notice.daemon = True
-        notice.start()
-        begin = time.perf_counter()
-        try:
-            wp.load_module(module, device=device)
-        finally:
-            notice.cancel()
-        with _start_lock:
-            compile_seconds += time.perf_counter() - begin
-            _loaded.add(key)
-
-
-def _notice_compiling() -> None:
-    global _noticed
-    if not _noticed:
-        _noticed = True
-        sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
-        sys.stderr.flush()
+after_fork_in_child(_start_anew)
 
 
 def launch(

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from .forks import unforked
+
 Arguments = ParamSpec("Arguments")
 Made = TypeVar("Made")
 
@@ -24,7 +26,7 @@ def made_once(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
     @wraps(make)
     def get(*args: Arguments.args, **options: Arguments.kwargs) -> Made:
         if args not in made:
-            with _lock:
+            with unforked(), _lock:
                 if args not in made:
                     made[args] = make(*args, **options)
         return made[args]

@@ -17,6 +17,7 @@ from .cell_list import COORDINATE_LIMIT, all_blocks, flat_nonzero, split_blocks,
 from .distance_grid import nearest_true_cells
 from .launch import PLAIN_OPTIONS, launch
 from .mesh_query import MeshQuery
+from .mesh_rows import CellBand, is_crowded, measure_band
 from .mesh_sign import ColumnCounts, apply_sign, classify_cells
 
 wp.set_module_options(PLAIN_OPTIONS)
@@ -65,32 +66,44 @@ def unsigned_distance_grid(query: MeshQuery, resolution: int) -> wp.array:
     """`signed_distance_grid` without the sign: (n, n, n) float32; same arguments and errors."""
     if not 2 <= resolution <= COORDINATE_LIMIT:
         raise ValueError(f"resolution must be between 2 and {COORDINATE_LIMIT}, got {resolution}")
+    if is_crowded(query):
+        band = measure_band(query, resolution, BAND * 2.0 / resolution)
+    else:
+        band = _query_band(query, resolution)
+    nearest = nearest_true_cells(band.near)
+    launch(
+        measure_far_kernel,
+        band.distance.size,
+        [nearest.flatten(), band.found.flatten(), band.point, resolution],
+        [band.distance.flatten()],
+        query.device,
+        seconds_per_thread=5e-9,
+    )
+    return band.distance
+
+
+def _query_band(query: MeshQuery, resolution: int) -> CellBand:
+    """The cells within BAND of the surface, by queries."""
     device = query.device
     shape = (resolution, resolution, resolution)
     blocks, points, distances, kept = _refine(query, resolution)
     if len(kept) == 0:
         raise ValueError("the mesh has no surface inside the grid [-1, 1]^3")
-    distance = wp.empty(shape, dtype=float, device=device)
-    found = wp.full(shape, -1, dtype=int, device=device)
-    band = wp.zeros(shape, dtype=wp.bool, device=device)
+    band = CellBand(
+        wp.empty(shape, dtype=float, device=device),
+        points,
+        wp.full(shape, -1, dtype=int, device=device),
+        wp.zeros(shape, dtype=wp.bool, device=device),
+    )
     launch(
         place_band_kernel,
         len(kept),
         [blocks, distances, kept, resolution],
-        [distance.flatten(), found.flatten(), band.flatten()],
+        [band.distance.flatten(), band.found.flatten(), band.near.flatten()],
         device,
         seconds_per_thread=3e-9,
     )
-    nearest = nearest_true_cells(band)
-    launch(
-        measure_far_kernel,
-        distance.size,
-        [nearest.flatten(), found.flatten(), points, resolution],
-        [distance.flatten()],
-        device,
-        seconds_per_thread=5e-9,
-    )
-    return distance
+    return band
 
 
 def _refine(query: MeshQuery, resolution: int) -> tuple[wp.array, wp.array, wp.array, wp.array]:

@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
+from .slivers import widen_slivers
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -55,7 +56,7 @@ class MeshQuery:
 
     Attributes:
         device: where it lies.
-        vertices: (n,) vec3.
+        vertices: (n,) vec3; more than were given if slivers had to be widened to be seen.
         faces: (3 m,) int32, three vertices a face.
         face_count: m.
         mesh: the Warp mesh; kernels take `mesh.id`.
@@ -87,8 +88,9 @@ class MeshQuery:
             raise ValueError("a vertex is not finite")
         self.device = device
         self.face_count = len(faces)
-        self.vertices = wp.array(np.ascontiguousarray(vertices, np.float32), dtype=wp.vec3, device=device)
-        self.faces = wp.array(np.ascontiguousarray(faces, np.int32).ravel(), dtype=int, device=device)
+        vertices, faces = widen_slivers(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))
+        self.vertices = wp.array(np.ascontiguousarray(vertices), dtype=wp.vec3, device=device)
+        self.faces = wp.array(np.ascontiguousarray(faces).ravel(), dtype=int, device=device)
         self.mesh = wp.Mesh(self.vertices, self.faces, support_winding_number=True)
 
     def closest_points(self, points: wp.array, max_distance: float = UNBOUNDED) -> ClosestPoints:

@@ -44,23 +44,24 @@ from .gradient import gradient_kernel
 from .holders import count_kernel
 from .idle import drop_idle_kernel
 from .inside import mask_kernel
-from .launch import load_module
+from .launch import serial_device
+from .module_loading import load_module
 from .normal_equations import add_systems_kernel, kernel_on
 from .ownership import find_owners_kernel
 from .primitive_set import derive_kernel
 
-Loads = list[Callable[[], wp.Module]]
+Loads = list[tuple[Callable[[], wp.Module], wp.Device]]
 
 
 def modules_of_fit(family: str, device: wp.Device) -> Loads:
-    """What gives the modules that a fit of one family uses: the longest to compile first, then in order of use."""
-    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid, cells, morphology]
+    """What gives the modules that a fit of one family uses, and where each runs.
+
+    The longest to compile come first, then in order of use.
+    """
+    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid]
+    finding = [cells, morphology]
+    choosing = [occupancy, choice, replacement, blends]
     fitting = [
-        inside,
-        occupancy,
-        choice,
-        replacement,
-        blends,
         steps,
         culling,
         ownership,
@@ -69,16 +70,19 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
     ]
     showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
 
-    def named(modules: list) -> Loads:
-        return [lambda module=module: wp.get_module(module.__name__) for module in modules]
+    def named(modules: list, where: wp.Device = device) -> Loads:
+        return [(lambda module=module: wp.get_module(module.__name__), where) for module in modules]
 
     def made(*kernels: Callable[[], wp.Kernel]) -> Loads:
-        return [lambda kernel=kernel: kernel().module for kernel in kernels]
+        return [(lambda kernel=kernel: kernel().module, device) for kernel in kernels]
 
     return [
         *made(lambda: kernel_on(device, family)),
         *named(reading),
+        *named(finding, serial_device()),
         *made(lambda: derive_kernel(family), lambda: add_systems_kernel),
+        *named([inside]),
+        *named(choosing, serial_device()),
         *named(fitting),
         *made(
             lambda: field_kernels(family)[0],
@@ -103,9 +107,9 @@ def prefetch(family: str, device: wp.Device) -> None:
             with lock:
                 if not todo:
                     return
-                module = todo.pop(0)
+                module, where = todo.pop(0)
             try:
-                load_module(module(), device)
+                load_module(module(), where)
             except Exception:  # Whoever needs it will meet the same error, and say so.
                 return
 

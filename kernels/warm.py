@@ -21,10 +21,12 @@ from .idle import drop_idle
 from .inside import InsideTest
 from .isosurface import extract_isosurface
 from .jacobian import jacobian
+from .launch import serial_device
 from .loss_points import contributions, drop_blocks, loss_points, weigh_points
 from .loss_rows import RowSorter
 from .mesh_grid import signed_distance_grid
 from .mesh_query import MeshQuery
+from .mesh_rows import measure_band
 from .morphology import deepest_core
 from .normal_equations import normal_equations
 from .occupancy import Holdings
@@ -71,7 +73,7 @@ def _warm_primitives(primitives: PrimitiveSet, points: np.ndarray) -> None:
 
 
 def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
-    holdings = Holdings(len(points), primitives.device)
+    holdings = Holdings(len(points), serial_device())
     holdings.append(InsideTest(points, primitives.device).masks(primitives))
     holdings.common([0])
     counts = Counts(holdings, np.zeros(len(points)), np.ones(len(points)))
@@ -80,7 +82,7 @@ def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
     additions.mend()
     replace_members(counts, [0], [0], Prices())
     some = np.zeros(2)
-    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, primitives.device).sums_of(1, [0.0])
+    BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, serial_device()).sums_of(1, [0.0])
 
 
 def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
@@ -103,6 +105,7 @@ def _warm_grids(device: wp.Device) -> None:
     vertices = 0.8 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
     grid = signed_distance_grid(MeshQuery(vertices, faces, device), 16)
+    measure_band(MeshQuery(vertices, faces, device), 16, 0.2)
     camera = frame_bounds(np.full(3, -1.0), np.full(3, 1.0))
     render_mesh(vertices, faces, camera, 16, 12, samples=1, device=device)
     inside = wp.array(grid.distance.numpy() < 0, dtype=wp.bool, device=device)
@@ -110,4 +113,4 @@ def _warm_grids(device: wp.Device) -> None:
     solid = cells_of(np.ones((4, 4, 4), bool))
     deepest_core(solid, np.ones(len(solid), np.float32), 1)
     solid.run_lengths()
-    squared_distances(solid.index, solid.index, device)
+    squared_distances(solid.index, solid.index, serial_device())

@@ -21,7 +21,7 @@ from .formats.by_trimesh import from_object
 from .formats.mesh_file import MeshFile, Piece
 from .reader import MeshReader
 from .specks import find_specks
-from .weld import clean_faces, face_areas, weld_vertices
+from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,6 +96,10 @@ def _hash_file(path: Path) -> str:
             raise InputError(f"'{path}' is a folder, not a mesh file; give the path of one file in it.")
         if not path.exists():
             raise InputError(f"there is no file '{path}'; check the path.")
+        if not path.is_file():
+            raise InputError(
+                f"'{path}' is a pipe or device, not a regular file; write the mesh to a file first."
+            )
         if path.stat().st_size == 0:
             raise InputError(f"'{path}' is empty (0 bytes); export or download it again.")
         with path.open("rb") as file:
@@ -170,19 +174,21 @@ def _weld(
 ) -> LoadedMesh:
     specks, left_out = find_specks(vertices, faces)
     near = np.flatnonzero(~specks)
-    vertices, faces = weld_vertices(vertices, faces[near])
-    kept, more = clean_faces(faces)
-    if len(kept) == 0 or not face_areas(vertices, faces[kept]).max() > 0.0:
+    welded, corners = weld_vertices(vertices, faces[near], name)
+    kept, more = clean_faces(corners)
+    if not has_area(welded, corners[kept], LEAST_WIDTH):
         raise InputError(
-            f"no face of {name} has an area: it holds lines or points only, and no shape to fit."
+            f"every face of {name} is thinner than a millionth of the longest side; no shape can be fitted to it."
+            if has_area(vertices, faces[near])
+            else f"no face of {name} has an area: it holds lines or points only, and no shape to fit."
         )
-    used, inverse = np.unique(faces[kept], return_inverse=True)
+    used, inverse = np.unique(corners[kept], return_inverse=True)
     source = near[kept]
     starts = np.searchsorted(source, [part.first_face for part in parts])
     ends = np.searchsorted(source, [part.first_face + part.face_count for part in parts])
     named = [Part(part.name, int(a), int(b - a)) for part, a, b in zip(parts, starts, ends, strict=True)]
     return LoadedMesh(
-        vertices[used],
+        welded[used],
         inverse.reshape(-1, 3).astype(np.int64),
         source,
         tuple(named),

@@ -16,8 +16,9 @@ import warp as wp
 from .bodies import Bodies, sort_bodies
 from .boundary import find_boundary
 from .caps import cap_holes
-from .patches import BOUNDARY, INVERTED, SHEET, judge_by_flood, judge_by_winding
+from .patches import BOUNDARY, INVERTED, PROBE_OFFSET, SHEET, judge_by_flood, judge_by_winding
 from .solid_query import SolidQuery, WindingQuery
+from .weld import face_areas
 from .wording import Findings, name_kind, write_sentence
 
 SHEET_THICKNESS = 0.018
@@ -25,6 +26,9 @@ SHEET_THICKNESS = 0.018
 
 DECAL_SHARE = 0.5
 """Sheets nowhere further above a solid than this share of their thickness are drawn on it, and left out."""
+
+NARROW = 1.8 * PROBE_OFFSET
+"""Area under which a mesh without closed bodies, of longest side 1.8, is a strip: no wider than its probes are away."""
 
 MAX_JUDGEMENTS = 4
 """Rounds of judging patches: each verdict changes what winds round the others."""
@@ -122,6 +126,9 @@ def judge_patches(
     verdict = np.where(bodies.walls, SHEET, BOUNDARY)
     if not bodies.open.any():
         return verdict, flooded, turned
+    if not bodies.closed.any() and face_areas(vertices, bodies.faces).sum() < NARROW:
+        # Every probe would be beside it, where nothing winds.
+        return np.full(face_count, SHEET), flooded, turned
 
     def judge(judged: np.ndarray, among: np.ndarray, judge_by) -> np.ndarray:
         faces = np.where(turned[:, None], bodies.faces[:, ::-1], bodies.faces)[among]

@@ -10,18 +10,27 @@ WELD_STEPS = 1 << 20
 """Vertices in the same cell of a grid with this many cells along the longest side become one: a millionth of
 the size is above the rounding of float32 files, and below any feature."""
 
+LEAST_WIDTH = 1.5e-7
+"""Width of a face, by the longest side of the mesh, that is left of it in float32."""
 
-def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+SMALLEST = 1e-280
+"""Of the longest side: below, its inverse and squares of its parts are no longer numbers."""
+
+
+def weld_vertices(
+    vertices: np.ndarray, faces: np.ndarray, name: str = "the mesh"
+) -> tuple[np.ndarray, np.ndarray]:
     """Merge vertices that coincide; of several, the first keeps its exact position.
 
     Args:
         vertices: (n, 3) float64, mesh units; those used by faces finite. faces: (m, 3) int.
+        name: what messages call the mesh.
 
     Returns:
         vertices (k, 3) float64, sorted by position; faces (m, 3) int64.
 
     Raises:
-        InputError: if all vertices are at one place, or too far apart for float64.
+        InputError: if all vertices are at one place, too near to each other or too far apart for float64.
     """
     used = np.unique(faces)
     lower, upper = vertices[used].min(axis=0), vertices[used].max(axis=0)
@@ -29,10 +38,12 @@ def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
     side = float((upper / 2 - lower / 2).max()) * 2.0
     if not np.isfinite(side):
         raise InputError(
-            "the bounding box of the mesh is too large for floating-point numbers; scale it down."
+            f"the bounding box of {name} is too large for floating-point numbers; scale it down."
         )
     if side <= 0.0:
-        raise InputError("all vertices of the mesh are at one place: there is no shape in it.")
+        raise InputError(f"all vertices of {name} are at one place: there is no shape in it.")
+    if side < SMALLEST:
+        raise InputError(f"the bounding box of {name} is too small for floating-point numbers; scale it up.")
     # Relative to the lower corner and the size, so that neither offset nor scale matters.
     cells = np.round((vertices[used] - lower) * (WELD_STEPS / side)).astype(np.int64)
     key = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
@@ -77,6 +88,16 @@ def clean_faces(faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
 def _dropped(count: int, what: str) -> str:
     noun, verb = ("face", "was") if count == 1 else ("faces", "were")
     return f"{count} {what.format(noun)} {verb} dropped."
+
+
+def has_area(vertices: np.ndarray, faces: np.ndarray, least: float = 0.0) -> bool:
+    """Whether any triangle, across its longest side, is wider than `least` when the mesh is scaled to size 1."""
+    low = vertices.min(axis=0)
+    side = max(float((vertices.max(axis=0) - low).max()), SMALLEST)
+    corners = ((vertices - low) / side)[faces]
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return bool((doubled > least * longest).any())
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -121,16 +121,17 @@ def test_growth_is_measured_tabled_and_drawn(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(growth, "measure_fit", stand_in)
     seen: list[FitRow] = []
     grown = growth.measure_growth(
-        {"grid": (128, 64, 16), "primitives": (8,)}, {"preset": "fast"}, 1, None, seen.append
+        {"grid": (128, 64, 16), "primitives": (8,), "soup": (60,)}, {"preset": "fast"}, 1, None, seen.append
     )
-    assert [row.name for row in seen] == ["grid 16", "grid 64", "grid 128", "primitives 8"]
+    assert [row.name for row in seen] == ["grid 16", "grid 64", "grid 128", "primitives 8", "soup 60"]
     assert asked[1] == {"preset": "fast", "per_part": "off", "resolution": 64}
     text = growth_tables(grown, "a.svg")
     assert "| grid | 0.262 | 2.097 | 3.00 |" in text and "Failed at 16: it took too long." in text
+    assert "| load to samples | 0.262 | 2.097 | |" in text
     assert "| write | 0.000 | 0.000 |  |" in text and "![seconds by stage](a.svg)" in text
     drawn = ElementTree.fromstring(chart(grown))
     lines = [element for element in drawn.iter() if element.tag.endswith("polyline")]
-    assert len(lines) == 5 + 3 and all(re.fullmatch(r"[-\d., ]+", line.attrib["points"]) for line in lines)
+    assert len(lines) == 7 + 4 and all(re.fullmatch(r"[-\d., ]+", line.attrib["points"]) for line in lines)
     assert exponent([1, 10], [1.0, 100.0]) == pytest.approx(2.0)
     assert exponent([1], [1.0]) is None
 

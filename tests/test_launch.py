@@ -5,6 +5,7 @@
 import ast
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -48,6 +49,36 @@ def test_an_error_in_a_split_launch_is_raised(device, monkeypatch):
 def test_unknown_device_names_those_present():
     with pytest.raises(DeviceError, match=r"'cuda:97' is not available here; present: cpu"):
         launching.choose_device("cuda:97")
+
+
+def test_auto_takes_no_device_that_was_not_measured_to_be_faster():
+    """Whatever GPUs are present."""
+    assert launching.choose_device("auto").is_cpu
+    assert launching.serial_device().is_cpu
+
+
+def test_the_last_of_several_threads_restores_the_switch_interval():
+    """The first one in is the first one out."""
+    usual = sys.getswitchinterval()
+    first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
+    met = []
+
+    def second():
+        first_is_in.wait(10.0)
+        with launching.often_switching():
+            second_is_in.set()
+            first_is_out.wait(10.0)
+            met.append(sys.getswitchinterval())
+
+    thread = threading.Thread(target=second)
+    thread.start()
+    with launching.often_switching():
+        first_is_in.set()
+        second_is_in.wait(10.0)
+    first_is_out.set()
+    thread.join()
+    assert met == [pytest.approx(launching.SWITCH_SECONDS)]
+    assert sys.getswitchinterval() == usual
 
 
 def test_core_count_follows_the_environment(monkeypatch):
@@ -137,13 +168,13 @@ def test_modules_of_a_fit_are_those_that_it_uses(device):
     """Nothing that a fit launches is missing from what is loaded ahead, the odd small module aside."""
     code = (
         "import trimesh, warp as wp, resfit;"
-        "from resfit.kernels import launch, prefetch;"
+        "from resfit.kernels import module_loading, prefetch;"
         "from resfit.kernels.launch import choose_device;"
         "choose_device('cpu');"
-        "ahead = {make().name for make in prefetch.modules_of_fit('superfrustum', wp.get_device('cpu'))};"
+        "ahead = {make().name for make, _ in prefetch.modules_of_fit('superfrustum', wp.get_device('cpu'))};"
         "resfit.fit(trimesh.creation.capsule(), preset='fast', device='cpu').preview();"
-        "print(sorted(name for name, _ in launch._loaded if name not in ahead));"
-        "print(sorted(ahead - {name for name, _ in launch._loaded}))"
+        "print(sorted(name for name, _ in module_loading._loaded if name not in ahead));"
+        "print(sorted(ahead - {name for name, _ in module_loading._loaded}))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     missing, idle = (ast.literal_eval(line) for line in run.stdout.splitlines()[-2:])

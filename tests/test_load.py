@@ -65,6 +65,27 @@ def test_quads_become_triangles(tmp_path: Path) -> None:
     assert len(load_mesh(path).faces) == 2
 
 
+@pytest.mark.parametrize("scale", [1e-250, 1e-150, 1e150, 1e300])
+def test_extreme_scales_are_read(scale: float) -> None:
+    box = creation.box()
+    mesh = load_mesh(trimesh.Trimesh(box.vertices * scale, box.faces, process=False))
+    assert len(mesh.faces) == 12
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx(scale)
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1e-300, "too small"), (1.7e308, "too large")])
+def test_scales_beyond_floating_point_are_refused(scale: float, said: str) -> None:
+    box = creation.box(extents=(2, 2, 2))
+    with pytest.raises(InputError, match=said):
+        load_mesh(trimesh.Trimesh(box.vertices * scale, box.faces, process=False))
+
+
+def test_a_mesh_thinner_than_welding_is_refused_for_what_it_is() -> None:
+    points = [*np.eye(3), (0, 0, 0), (0, 1e-3, 0), (1e7, 0, 0), (0, 2e-3, 0)]
+    with pytest.raises(InputError, match="thinner than a millionth"):
+        load_mesh(trimesh.Trimesh(points, [[0, 1, 2], [4, 5, 6]], process=False))
+
+
 def test_useless_faces_are_dropped_with_a_note() -> None:
     box = creation.box()
     faces = np.concatenate([box.faces, box.faces[:3, [1, 2, 0]], [[0, 0, 1]]])

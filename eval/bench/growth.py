@@ -1,4 +1,4 @@
-"""How the stages of a fit grow with the mesh's faces, the grid, the primitives and the sample points.
+"""How the stages of a fit grow with the mesh's faces, the grid, the primitives, the sample points, and disorder.
 
 One thing grows at a time, the rest stays as it is. The faces are those of one closed surface cut more and more finely;
 the primitives are found again from unions of so many apart parts.
@@ -20,13 +20,14 @@ from resfit.errors import InputError
 
 from ...assembly.colors import PALETTE, palette_color
 from ..report_plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
-from .fit import STAGES, FitRow, measure_fit
+from .fit import STAGES, TARGET, FitRow, measure_fit
 
 FEW: dict[str, tuple[int, ...]] = {
     "faces": (1024, 16_384, 262_144),
     "grid": (64, 128, 192),
     "primitives": (8, 32),
     "samples": (4096, 16_384, 65_536),
+    "soup": (300, 3000),
 }
 """What can grow, and the sizes unless others are given: few, since every one is a whole fit."""
 
@@ -35,6 +36,7 @@ LABELS = {
     "grid": "cells along a side of the grid",
     "primitives": "parts of the mesh",
     "samples": "samples near the surface, and as many in the volume",
+    "soup": "triangles across each other, without any order",
 }
 USUAL_FACES = 16_384
 """Of the mesh where something else grows."""
@@ -98,6 +100,12 @@ def apart_parts(count: int, seed: int = 0) -> trimesh.Trimesh:
     return trimesh.Trimesh(*_joined(parts), process=False)
 
 
+def triangle_soup(count: int, seed: int = 0) -> trimesh.Trimesh:
+    """A mesh of `count` triangles, each of three random points of a box: nearly all cut many others."""
+    corners = np.random.default_rng(seed).uniform(-1.0, 1.0, (3 * count, 3))
+    return trimesh.Trimesh(corners, np.arange(3 * count).reshape(-1, 3), process=False)
+
+
 def _joined(parts: Sequence[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and faces (m, 3) of some meshes together."""
     before = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -115,6 +123,8 @@ def case(axis: str, size: int) -> tuple[trimesh.Trimesh, dict[str, Any]]:
         return wavy_torus(size), options
     if axis == "primitives":
         return apart_parts(size), options | {"max_primitives": max(64, 2 * size)}
+    if axis == "soup":
+        return triangle_soup(size), options
     return wavy_torus(USUAL_FACES), options | {"resolution" if axis == "grid" else "samples": size}
 
 
@@ -170,6 +180,11 @@ def stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], l
     yield "all", list(done), [row.wall_s for row in done.values()]
 
 
+def target_seconds(row: FitRow) -> float:
+    """Wall seconds of reading the mesh and measuring it."""
+    return sum(row.stages.get(name, 0.0) for name in TARGET)
+
+
 def growth_tables(grown: Mapping[str, Mapping[int, FitRow]], picture: str | None = None) -> str:
     """A section of a Markdown page: for each axis a line a stage and a column a size.
 
@@ -195,6 +210,7 @@ def growth_tables(grown: Mapping[str, Mapping[int, FitRow]], picture: str | None
             shown = "" if slope is None else f"{slope:.2f}"
             lines.append(f"| {name} | {' | '.join(f'{value:.3f}' for value in seconds)} | {shown} |")
         for label, values in (
+            ("load to samples", [f"{target_seconds(row):.3f}" for row in done]),
             ("CPU s", [f"{row.cpu_s:.2f}" for row in done]),
             ("peak MB", [f"{row.peak_mb:.0f}" for row in done]),
             ("faces", [str(row.faces) for row in done]),

@@ -22,6 +22,7 @@ import trimesh
 import warp as wp
 
 from ...kernels import launch as launching
+from ...kernels import module_loading
 from ...kernels.adjoint import differentiable_assembly, differentiable_union
 from ...kernels.culling import cull, every_primitive
 from ...kernels.curve import curve_codes
@@ -358,7 +359,7 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
         document = {
             "device": chosen.alias,
             "machine": machine,
-            "compile_seconds": round(launching.compile_seconds, 2),
+            "compile_seconds": round(module_loading.compile_seconds, 2),
             "rows": [asdict(row) for row in rows],
             "fit": [asdict(row) for row in shares],
             "growth": [asdict(row) for row in growth],

@@ -17,7 +17,7 @@ from resfit.errors import InputError
 from resfit.export.by_suffix import export_assembly as export
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.progress import TARGET_SHARE, Progress
-from resfit.kernels import launch
+from resfit.kernels import launch, module_loading
 from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
@@ -89,7 +89,7 @@ def fit(
     config = make_config(config, preset, dict(options))
     start = None if init is None else load_init(init)
     check_objective(objective, start, config)
-    begin, compiled = Clock.now(), launch.compile_seconds
+    begin, compiled = Clock.now(), module_loading.compile_seconds
     device = launch.choose_device(config.device)
     prefetch(config.primitive, device)
     timings: dict[str, float] = {}
@@ -120,7 +120,7 @@ def fit(
     )
     outcome = fitted.outcome
     timings |= outcome.timings
-    timings["compile"] = launch.compile_seconds - compiled
+    timings["compile"] = module_loading.compile_seconds - compiled
     name = mesh_or_path if isinstance(mesh_or_path, str | os.PathLike) else None
     result = measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
     return add_stages(result, fitted, target, config)
@@ -145,7 +145,7 @@ def evaluate(
         emd: whether to compute the earth mover's distance, which takes about as long as the rest.
         features: where features for IntraPrim and InterPrim come from: points (n, 3) and features (n, d), a function of
             a mesh's path and points, the name of an installed source, or a command with {mesh} {points} {out}.
-        device: `auto`, `cpu`, `cuda:0`.
+        device: `auto` (the CPU), `cpu`, `cuda:0`.
 
     Returns:
         iou, bisurf_iou, bisurf_iou_005, cd, cd_floor, emd, primitive_count, overlap, unoverlap, intra_prim, inter_prim,

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 
+from resfit.kernels.forks import unforked
+
 _process_is_ours = False
 
 
@@ -40,7 +42,7 @@ def load_behind(*names: str) -> None:
 
     def load() -> None:
         # Whoever needs it will meet the same error, and say so.
-        with suppress(Exception):
+        with unforked(), suppress(Exception):
             for name in names:
                 import_module(name)
 

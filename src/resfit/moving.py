@@ -15,7 +15,7 @@ from resfit.eval.prediction import rows_in_frame
 from resfit.fitter.chamfer import move_assembly
 from resfit.fitter.config import FitConfig
 from resfit.fitter.progress import Progress
-from resfit.kernels import launch
+from resfit.kernels import launch, module_loading
 from resfit.measure import measure_outcome
 from resfit.result import FitResult
 from resfit.target.target import Target
@@ -34,7 +34,7 @@ def move_parts(
 ) -> FitResult:
     """The result of `fit` with the objective chamfer; its `objective` has the distance before and after."""
     families = [part.family for part in start.primitives]
-    rows, compiled = rows_in_frame(start, target.transform), launch.compile_seconds
+    rows, compiled = rows_in_frame(start, target.transform), module_loading.compile_seconds
 
     def show(share: float) -> None:
         tell(Progress("chamfer", 1, 1, len(rows), 0.0, 0.0, share).after_target())
@@ -49,7 +49,7 @@ def move_parts(
         should_stop or (lambda: False),
         show,
     )
-    timings |= outcome.timings | {"compile": launch.compile_seconds - compiled}
+    timings |= outcome.timings | {"compile": module_loading.compile_seconds - compiled}
     name = source if isinstance(source, str | os.PathLike) else None
     result = measure_outcome(outcome, target, config, name=name, start=start, clock=clock, timings=timings)
     options = {**result.options, "objective": "chamfer"}

@@ -41,7 +41,7 @@ def bench(
             how long edits take to show.
         meshes: of fit and the ablation: files, folders or lists, as for resfit compare; fit takes the bundled ones if
             there are none.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
         as_json: print JSON and nothing else.
         markdown: also write the tables of the kernels or of fit to this file, and fit's chart of growth beside it.
         count: primitives to recover.
@@ -54,9 +54,10 @@ def bench(
         repeats: runs of each fit, whose median is shown.
         cold: of fit: also compile all kernels into an empty cache.
         one_core: of fit: also fit on one core, for the speed-up of all.
-        grow: of fit: also how the stages grow with the faces, the grid, the primitives and the samples.
-        sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k"; a few sizes of
-            all four unless given.
+        grow: of fit: also how the stages grow with the faces, the grid, the primitives, the samples, and the
+            triangles of a soup.
+        sizes: what grows, and how far: "faces=1k,16k,1M grid=64,128,256 primitives=8,64 samples=4k,64k soup=3000"; a
+            few sizes of all five unless given.
     """
     if what == "ablation":
         return ablation(meshes, output, studies, timeout, fresh, device)

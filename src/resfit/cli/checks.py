@@ -60,7 +60,7 @@ def run_checks(device: str, warm: bool) -> list[Check]:
     """All checks, the core first.
 
     Args:
-        device: `auto`, `cpu`, `cuda:0`.
+        device: `auto` (the CPU), `cpu`, `cuda:0`.
         warm: compile every kernel module too.
     """
     core: list[tuple[str, Callable[[], str], str]] = [

@@ -39,7 +39,7 @@ def compare(
         emd: whether to compute the earth mover's distance.
         features: for IntraPrim and InterPrim, as in resfit eval.
         fresh: do finished rows again.
-        device: of the metrics: auto, cpu or cuda:0.
+        device: of the metrics: auto (the CPU), cpu or cuda:0.
     """
     from resfit.eval.compare import Comparison, check_methods, check_out, run_comparison
     from resfit.eval.datasets import find_shapes, select_diverse

@@ -24,7 +24,7 @@ def demo(
     Args:
         output: folder to write; potted_cactus.resfit in the current folder unless given.
         preset: how much work to spend.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
     """
     from resfit.folder import default_folder
 

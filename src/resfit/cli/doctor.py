@@ -20,7 +20,7 @@ def doctor(
     Args:
         warm: compile every kernel for this machine now, so that no later run has to.
         as_json: print JSON and nothing else.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
     """
     from resfit.cli.checks import run_checks
 

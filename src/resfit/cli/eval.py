@@ -49,7 +49,7 @@ def evaluate(
         emd: the earth mover's distance takes about as long as all the rest.
         features: for IntraPrim and InterPrim: a command with {mesh} {points} {out} (.npy files), a .npz file with
             points and features, or the name of an installed source.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
     """
     from resfit import evaluate as measure
 

@@ -35,7 +35,7 @@ def export(
         resolution: cells along the longest side, of the whole or of each part.
         mesh: the input, to be shown over the assembly in a page (.html), in at most 4000 faces.
         up: what points up in a page at first; z for formats of CAD unless given.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
     """
     if not outputs:
         raise InputError("resfit export needs at least one file to write, such as chair.glb.")

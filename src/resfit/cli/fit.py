@@ -56,10 +56,10 @@ def fit(
     Ctrl-C keeps the best so far; a second one aborts. More options: resfit fit --help-all.
 
     Args:
-        mesh: a mesh in any common format: .glb .obj .ply .stl .off .3mf ...
+        mesh: a mesh: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2.
         output: folder to write; STEM.resfit in the current folder unless given. It may hold an earlier fit.
         preset: how much work to spend.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
         seed: of all random choices.
         max_primitives: stop at this many parts; 64 unless given.
         target_iou: stop once the assembly matches the solid this well, 0 to 1.

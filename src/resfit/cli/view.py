@@ -52,7 +52,7 @@ def view(
         up: which axis points up.
         azimuth: degrees around the model, 0 from the front.
         elevation: degrees above the horizon.
-        device: auto, cpu or cuda:0.
+        device: auto (the CPU), cpu or cuda:0.
         web: serve the viewer as a page, over SSH too, and print its address; Ctrl-C ends it.
         host: where the page can be reached; only from this machine unless told otherwise.
         port: of the page; a free one unless given.
