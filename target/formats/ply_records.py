@@ -16,7 +16,10 @@ from resfit.errors import InputError
 from .ply_header import Element, Property
 from .text import printable
 
-CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}  # fmt: skip
+CODES = {
+    "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q",
+    "f4": "f", "f8": "d",
+}  # fmt: skip
 """NumPy's codes of types: those of `struct`."""
 
 Placed = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]
