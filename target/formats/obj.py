@@ -60,7 +60,7 @@ def _clean(text: bytes) -> bytes:
     if b"\\\n" in text:
         # Of numbers only: a name or a comment may end with a backslash of its own, as paths do.
         continued = re.compile(rb"^" + STATEMENT + rb"(?:[^#\n]*\\\n)+", re.MULTILINE)
-        text = continued.sub(lambda match: match[0].replace(b"\\\n", b" \v"), text)
+        text = continued.sub(lambda match: match[0].replace(b"\\\n", b" \v"), text) + b"\n"
     if text.count(b"#") > text.count(b"\n#"):
         text = re.sub(rb"^(" + STATEMENT + rb"[^#\n]*)#.*", rb"\1", text, flags=re.MULTILINE)
     return text
