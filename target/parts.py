@@ -21,7 +21,7 @@ from .topology import Edges, connected_labels, find_edges, is_balanced, label_pa
 from .weld import face_areas
 
 RANDOM_SUFFIX = re.compile(r"_[0-9a-f]{6}$")
-"""What trimesh appends to the names of a node's materials, anew at every reading."""
+"""What trimesh appends to the names of a node's materials in its scenes, anew at every reading."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,9 @@ def split_target(target: Target) -> list[Piece]:
     """
     edges = find_edges(target.faces)
     body = label_patches(edges, through_all=True)
-    names = [RANDOM_SUFFIX.sub("", part.name) for part in target.parts]
+    names = [part.name for part in target.parts]
+    if target.reader.startswith("trimesh"):
+        names = [RANDOM_SUFFIX.sub("", name) for name in names]
     node = _node_of_faces(target, names)
     label = _join_nodes(body, node)
     by_node = label.max() > 0
@@ -120,8 +122,9 @@ def piece_target(
 def _node_of_faces(target: Target, names: list[str]) -> np.ndarray:
     """The index of the first node of that name that each face came from, (m,) int."""
     node = np.zeros(len(target.faces), np.int64)
-    for part, name in zip(target.parts, names, strict=True):
-        node[part.first_face : part.first_face + part.face_count] = names.index(name)
+    first: dict[str, int] = {}
+    for index, (part, name) in enumerate(zip(target.parts, names, strict=True)):
+        node[part.first_face : part.first_face + part.face_count] = first.setdefault(name, index)
     return node
 
 

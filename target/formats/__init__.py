@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 READERS = {
     "glb": "gltf",
     "gltf": "gltf",
-    "obj": "by_trimesh",
-    "ply": "by_trimesh",
+    "obj": "obj",
+    "ply": "ply",
     "stl": "stl",
-    "off": "by_trimesh",
+    "off": "off",
     "3mf": "threemf",
     "zip": "archive",
     "tar": "archive",
