@@ -21,6 +21,7 @@ from ..kernels.primitives import FAMILIES
 from ..target.deviation import surface_distances
 from ..target.grid import distance_grid
 from ..target.target import Target
+from .through_holes import filled_holes
 
 RESOLUTION = 128
 """Cells along a side for everything that counts cells."""
@@ -103,20 +104,21 @@ def count_floats(assembly: Assembly) -> int:
 
 
 def measure_cheap(assembly: Assembly, target: Target, device: str = "auto") -> dict[str, float | int]:
-    """The metrics that cost little: iou, overlap, unoverlap, primitive_count, floats.
+    """The metrics that cost little: iou, overlap, unoverlap, primitive_count, floats, filled_holes.
 
     Args:
         assembly: in the target's normalised frame.
         target: what it should match.
         device: `auto`, `cpu`, `cuda:0`.
     """
-    occupancy = measure_occupancy(assembly.on_device(device))
+    occupancy, inside = measure_occupancy(assembly.on_device(device)), target_occupancy(target)
     return {
-        "iou": intersection_over_union(target_occupancy(target), occupancy.union),
+        "iou": intersection_over_union(inside, occupancy.union),
         "overlap": occupancy.overlap,
         "unoverlap": occupancy.unoverlap,
         "primitive_count": len(assembly.primitives),
         "floats": count_floats(assembly),
+        "filled_holes": filled_holes(target.faces, inside, occupancy.union),
     }
 
 
