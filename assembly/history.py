@@ -192,7 +192,13 @@ def _from_header(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Histo
                 **rows,
             )
         )
-    transform = Transform(header["transform"]["scale"], tuple(header["transform"]["translation"]))
+    place = header["transform"]
+    if (
+        not all(is_number(value) for value in (place["scale"], *place["translation"]))
+        or not place["scale"] > 0
+    ):
+        raise ValueError("the transform is none")
+    transform = Transform(place["scale"], tuple(place["translation"]))
     return History(header["family"], transform, tuple(rounds))
 
 
@@ -202,14 +208,14 @@ def _checked_region(region: Any) -> dict[str, Any]:
     Raises:
         ValueError, TypeError, AttributeError: if not.
     """
-    box = [region.get("lower"), region.get("upper"), region.get("resolution")]
-    if None in box:
-        return region
+    if not {"lower", "upper", "resolution"} <= set(region):
+        return dict(region)
+    box = [region["lower"], region["upper"], region["resolution"]]
     if not all(len(corner) == 3 and all(is_number(value) for value in corner) for corner in box[:2]):
         raise ValueError("a corner of a region's box is not three numbers")
     if not is_number(box[2]) or not box[2] > 0 or max(map(abs, (*box[0], *box[1]))) > MAX_CELLS * box[2]:
         raise ValueError("a region's box is not near the grid")
-    return region
+    return dict(region)
 
 
 def score_values(score: Any) -> dict[str, float]:

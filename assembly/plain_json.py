@@ -51,7 +51,28 @@ def parse_plain(content: bytes) -> Any:
         )
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
-    return _plain(value, 0)
+    check_depth(value, MAX_DEPTH)
+    return _plain(value)
+
+
+class DepthError(ValueError):
+    """JSON whose objects and lists lie in each other too deeply."""
+
+
+def check_depth(value: Any, most: int) -> None:
+    """Refuse a value of JSON in which more than `most` objects and lists lie within each other.
+
+    Raises:
+        DepthError: if so.
+    """
+    level = [value] if isinstance(value, dict | list) else []
+    for _ in range(most):
+        inner = (
+            entry for holder in level for entry in (holder.values() if isinstance(holder, dict) else holder)
+        )
+        level = [entry for entry in inner if isinstance(entry, dict | list)]
+    if level:
+        raise DepthError("the JSON is nested too deeply")
 
 
 def is_number(value: Any) -> bool:
@@ -96,13 +117,11 @@ def _finite(text: str) -> float:
     return value
 
 
-def _plain(value: Any, depth: int) -> Any:
+def _plain(value: Any) -> Any:
     if isinstance(value, str):
         return value if value.isascii() else value.encode("utf-8", "replace").decode("utf-8")
-    if not isinstance(value, dict | list):
-        return value
-    if depth == MAX_DEPTH:
-        raise ValueError("the JSON is nested too deeply")
     if isinstance(value, list):
-        return [_plain(entry, depth + 1) for entry in value]
-    return {_plain(key, depth): _plain(entry, depth + 1) for key, entry in value.items()}
+        return [_plain(entry) for entry in value]
+    if isinstance(value, dict):
+        return {_plain(key): _plain(entry) for key, entry in value.items()}
+    return value

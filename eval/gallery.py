@@ -133,7 +133,7 @@ def write_gallery(
         "SCRIPT": source("script.js"),
         "CARDS": "\n".join(cards),
     }
-    write_bytes(out / "index.html", filled(source("page.html"), parts).encode())
+    write_bytes(out / "index.html", filled(source("page.html"), parts).encode("utf-8", "replace"))
     return out / "index.html"
 
 

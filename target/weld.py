@@ -101,6 +101,9 @@ def has_area(vertices: np.ndarray, faces: np.ndarray, least: float = 0.0) -> boo
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Areas (m,) float64 of the triangles, in squared units of `vertices`."""
+    """Areas (m,) float64 of the triangles, in squared units of `vertices`; infinite where float64 ends."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas[np.isnan(areas)] = np.inf
+    return areas

@@ -232,7 +232,8 @@ def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]]
     from scipy.optimize import linear_sum_assignment
 
     columns = [*range(TRANSLATION, TRANSLATION + 3), *range(SHAPES, SHAPES + 3)]
-    away = np.linalg.norm(rows[:, None, columns] - others[None, :, columns], axis=2)
+    # Large float32 numbers have no squares.
+    away = np.linalg.norm(rows[:, None, columns].astype(np.float64) - others[None, :, columns], axis=2)
     away = np.minimum(away, SAME_PART)
     pairs = [(int(k), int(j)) for k, j in zip(*linear_sum_assignment(away), strict=True)]
     closeness = float(sum(SAME_PART - away[pair] for pair in pairs))

@@ -7,6 +7,7 @@ web socket and later visits bring along; a server forgets nothing and keeps no l
 from __future__ import annotations
 
 import hmac
+import logging
 import secrets
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -78,6 +79,13 @@ def is_plain(raw_path: str) -> bool:
     return path.isprintable() and "%" not in path and not any(part in (".", "..") for part in parts)
 
 
+def is_not_of_client(record: logging.LogRecord) -> bool:
+    """Whether a record of the server's log is about more than a request that is no HTTP, which is answered with 400."""
+    from aiohttp.http import HttpProcessingError
+
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+
+
 def guard(web_app: Any, gate: Gate) -> None:
     """Put a gate before everything that a wslink server answers, and say where its web socket is.
 
@@ -96,16 +104,26 @@ def guard(web_app: Any, gate: Gate) -> None:
         )
         if reason is not None:
             return web.Response(status=403, text=reason, headers=HEADERS)
-        response = await handler(request)
-        if not response.prepared:
-            response.headers.update(HEADERS)
-            if query is not None:
-                response.set_cookie(cookie, gate.token, httponly=True, samesite="Strict")
+
+        def finish(response: web.StreamResponse) -> None:
+            if not response.prepared:
+                response.headers.update(HEADERS)
+                if query is not None:
+                    response.set_cookie(cookie, gate.token, httponly=True, samesite="Strict")
+
+        try:
+            response = await handler(request)
+        except web.HTTPException as answer:
+            # Redirects and refusals are raised.
+            finish(answer)
+            raise
+        finish(response)
         return response
 
     async def launch(request: web.Request) -> web.Response:
         scheme = "wss" if request.scheme == "https" else "ws"
         return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
 
+    logging.getLogger("aiohttp.server").addFilter(is_not_of_client)
     web_app.app.middlewares.append(check)
     web_app.app.router.add_post(LAUNCHER, launch)
