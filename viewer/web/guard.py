@@ -79,11 +79,15 @@ def is_plain(raw_path: str) -> bool:
     return path.isprintable() and "%" not in path and not any(part in (".", "..") for part in parts)
 
 
-def is_not_of_client(record: logging.LogRecord) -> bool:
-    """Whether a record of the server's log is about more than a request that is no HTTP, which is answered with 400."""
+def is_ours(record: logging.LogRecord) -> bool:
+    """Whether a record of the server's logs is about the server, not about a request that it could make nothing of.
+
+    Such a request is answered, by 400 or an error; how it came about is no news for the terminal.
+    """
     from aiohttp.http import HttpProcessingError
 
-    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+    told = record.exc_info[1] if record.exc_info else None
+    return not isinstance(told, HttpProcessingError) and not record.getMessage().startswith("Traceback")
 
 
 def guard(web_app: Any, gate: Gate) -> None:
@@ -124,6 +128,7 @@ def guard(web_app: Any, gate: Gate) -> None:
         scheme = "wss" if request.scheme == "https" else "ws"
         return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
 
-    logging.getLogger("aiohttp.server").addFilter(is_not_of_client)
+    for name in ("aiohttp.server", "wslink.protocol"):
+        logging.getLogger(name).addFilter(is_ours)
     web_app.app.middlewares.append(check)
     web_app.app.router.add_post(LAUNCHER, launch)
