@@ -13,7 +13,7 @@ from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
-from resfit.target.reader import reading_ahead
+from resfit.target.reader import reading
 
 if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
@@ -53,7 +53,7 @@ def fit(
 ) -> int:
     """Fit an assembly of primitives to a mesh, and write it to a folder.
 
-    Ctrl-C keeps the best so far; a second one aborts. More options: resfit fit --help-all.
+    Ctrl-C keeps the best so far, if the mesh is read by then; a second one aborts. More options: resfit fit --help-all.
 
     Args:
         mesh: a mesh: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2.
@@ -64,7 +64,7 @@ def fit(
         max_primitives: stop at this many parts; 64 unless given.
         target_iou: stop once the assembly matches the solid this well, 0 to 1.
         tolerance: stop once 95 % of the surface is nearer than this, in the mesh's units.
-        timeout: seconds after which the best so far is written.
+        timeout: seconds after which the best so far is written; a mesh may take 10 s to be read in any case.
         rounds: most rounds of fitting.
         primitive: family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.
         union: whether parts may run into each other smoothly; smooth unless given.
@@ -137,7 +137,7 @@ def _fit_and_write(
 ) -> tuple[int, FitResult]:
     """The same as `run_fit`, without its checks; the exit code and the result."""
     clock = Clock.of_process()
-    with catching_signals() as stop, reading_ahead(mesh) as source, make_reporter(progress) as reporter:
+    with catching_signals() as stop, reading(mesh) as source, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
         from resfit import fit as fit_mesh
 
