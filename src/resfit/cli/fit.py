@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,6 +9,7 @@ from cyclopts import Group, Parameter
 
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
+from resfit.cli.terminal import summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
@@ -127,7 +127,6 @@ def run_fit(
     with watching(mesh, view, options.get("primitive") or "superfrustum") as watcher:
         code, result = _fit_and_write(mesh, folder, progress, options, watcher)
         # Ctrl-C ends the process again from here on; what is written stays.
-        sys.stdout.flush()
         watcher.finish(result)
     return code
 
@@ -155,11 +154,9 @@ def _fit_and_write(
             result.save(folder)
         reporter.tell("done", status=result.status.name.lower(), exit_code=code, directory=written)
     if written:
-        sys.stdout.write(summary(result, folder, clock.wall_s))
+        summarise(summary(result, folder, clock.wall_s))
     else:
-        sys.stderr.write(
-            f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.\n"
-        )
+        tell(f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.")
     return code, result
 
 
