@@ -23,6 +23,7 @@ import warp as wp
 
 from resfit.errors import DeviceError
 
+from .address_space import require_address_space
 from .cache import init_warp
 from .cores import core_count
 from .forks import after_fork_in_child, unforked
@@ -70,6 +71,7 @@ def start() -> None:
     with unforked(), _start_lock:
         if not _started:
             wp.config.log_level = wp.LOG_ERROR
+            require_address_space()
             with _quiet_stderr():
                 notice = init_warp()
             _started = True

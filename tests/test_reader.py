@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -140,6 +141,35 @@ def test_stopping_ends_the_reading(mesh: Path, monkeypatch: pytest.MonkeyPatch) 
     assert_gone(source._process.pid)
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_ends_a_reading(number: int, mesh: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom resfit.target import reader\nreader.CODE = 'import time; time.sleep(600)'\n"
+        "from resfit.cli import main\nsys.exit(main(sys.argv[1:]))"
+    )
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "fit",
+        str(mesh),
+        "-o",
+        str(tmp_path / "fit"),
+        "--progress",
+        "json",
+    ]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if '"stage": "load"' in line:
+                break
+        process.send_signal(number)
+        said = process.stderr.read()
+    assert process.returncode == 4
+    assert said.endswith("resfit: stopped before the mesh was read; nothing was written.\n")
+    assert not (tmp_path / "fit").exists()
+
+
 def test_fit_stops_a_reading(mesh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "CODE", "import time; time.sleep(600)")
     monkeypatch.setattr("resfit.api.READING_SECONDS", 0.0)
@@ -160,10 +190,10 @@ def test_only_what_is_a_path_is_read_elsewhere() -> None:
 def test_pipes_and_devices_are_no_meshes(tmp_path: Path) -> None:
     path = tmp_path / "pipe.stl"
     os.mkfifo(path)
-    with pytest.raises(InputError, match=r"pipe\.stl' is a pipe or a device"):
+    with pytest.raises(InputError, match=r"pipe\.stl' is a pipe or device"):
         load_mesh(path)
     (tmp_path / "null.stl").symlink_to("/dev/zero")
-    with pytest.raises(InputError, match="is a pipe or a device"):
+    with pytest.raises(InputError, match="is a pipe or device"):
         load_mesh(tmp_path / "null.stl")
 
 
