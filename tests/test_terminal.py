@@ -109,6 +109,16 @@ def test_a_summary_in_ascii(box: Path, tmp_path: Path) -> None:
     assert "St\\xfchl\\xe9/ assembly.json" in done.stdout
 
 
+def test_a_name_in_another_encoding(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"St\xfchle.stl")
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.stl")
+    (tmp_path / "box.stl").rename(path)
+    arguments = [RESFIT, "fit", os.fsencode(path), "-o", str(tmp_path / "fit"), "--preset", "fast"]
+    done = subprocess.run(arguments, capture_output=True, check=False, timeout=120)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert json.loads((tmp_path / "fit" / "report.json").read_text())["input"]["name"] == "St\ufffdhle.stl"
+
+
 def test_too_little_memory_is_one_sentence(box: Path, tmp_path: Path) -> None:
     done = shell(f"ulimit -v 600000; resfit fit {box} -o {tmp_path / 'fit'} --preset fast --device cpu")
     assert done.returncode == 2
