@@ -216,7 +216,8 @@ class FitResult:
 def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:
     """What was given: the name of the file at `name`, without its folder, and the target's findings."""
     return InputInfo(
-        name=Path(name).name if name is not None else "mesh",
+        # File names are bytes: some are no UTF-8, others only look so in a locale without it.
+        name="mesh" if name is None else os.fsencode(Path(name).name).decode("utf-8", "replace"),
         sha256=target.input_sha256,
         vertices=len(target.vertices),
         faces=len(target.faces),

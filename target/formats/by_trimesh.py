@@ -33,6 +33,8 @@ def read(path: Path) -> MeshFile:
     with _quiet():
         try:
             scene = trimesh.load_scene(path, process=False)
+        except MemoryError:
+            raise
         except Exception as error:
             # Loaders raise whatever their parsers run into: to a user each of them means the same.
             raise InputError(

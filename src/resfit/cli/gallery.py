@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from resfit.cli.terminal import summarise
 from resfit.errors import AssemblyError, InputError
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: flo
     page = write_gallery(
         entries, output, lambda entry, path: write_page(entry, path, meshes.get(entry.sha256)), title
     )
-    sys.stdout.write(f"{page}: {summary(entries)}\n")
+    summarise(f"{page}: {summary(entries)}\n")
     return code
 
 
