@@ -17,8 +17,8 @@ import numpy.typing as npt
 from resfit.errors import InputError
 
 from .formats import read_mesh_file
-from .formats.by_trimesh import from_object
 from .formats.mesh_file import MeshFile, Piece
+from .formats.trimesh_object import from_object
 from .reader import MeshReader
 from .specks import find_specks
 from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -218,6 +219,9 @@ def test_places_without_a_file(tmp_path: Path) -> None:
         Assembly.load(tmp_path)
     with pytest.raises(AssemblyError, match="not a valid path"):
         Assembly.load("a\0b")
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(AssemblyError, match="no regular file"):
+        Assembly.load(tmp_path / "pipe.json")
 
 
 def test_saved_bytes_load_and_save_again_the_same(tmp_path: Path) -> None:
