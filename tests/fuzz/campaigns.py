@@ -1,0 +1,116 @@
+"""Running campaigns: cases until the time is over, and the smallest input of each fault kept in a folder."""
+
+from __future__ import annotations
+
+import random
+import re
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fuzz.harness import OK, REFUSED, SKIPPED, WRONG, Campaign, Case, Outcome, Worker
+
+HEAD = f"{'campaign':20} {'cases':>6} {'ok':>6} {'refused':>8} {'skipped':>8} {'faults':>7} {'slowest':>9}"
+
+
+@dataclass
+class Tally:
+    """What became of the cases of a campaign."""
+
+    name: str
+    counts: Counter[str] = field(default_factory=Counter)
+    faults: dict[tuple[str, str], tuple[Case, Outcome]] = field(default_factory=dict)
+    """The smallest case of each kind of fault, by kind and place."""
+    skips: set[str] = field(default_factory=set)
+    slowest: float = 0.0
+    missing: str = ""
+    """Why it did not run."""
+
+    def add(self, case: Case, outcome: Outcome) -> bool:
+        """Count a case; whether it is the first or the smallest of its kind of fault."""
+        self.counts[outcome.kind] += 1
+        if outcome.kind == SKIPPED:
+            self.skips.add(outcome.text)
+            return False
+        self.slowest = max(self.slowest, outcome.seconds)
+        if not outcome.fault:
+            return False
+        # What is wrong is told apart by its sentence; what has no place, by the case.
+        said = outcome.text if outcome.kind == WRONG else case.name
+        key = outcome.kind, outcome.where or re.sub(r"[-+.\d]+", "#", said)[:100]
+        if key in self.faults and len(self.faults[key][0].data) <= len(case.data):
+            return False
+        self.faults[key] = case, outcome
+        return True
+
+    @property
+    def fault_count(self) -> int:
+        """Cases that showed a fault."""
+        return sum(self.counts.values()) - sum(self.counts[kind] for kind in (OK, REFUSED, SKIPPED))
+
+    def row(self) -> str:
+        """One line of the table."""
+        if self.missing:
+            return f"{self.name:20} skipped: {self.missing}"
+        counts = self.counts
+        line = (
+            f"{self.name:20} {sum(counts.values()):6} {counts[OK]:6} {counts[REFUSED]:8} {counts[SKIPPED]:8}"
+            f" {self.fault_count:7} {self.slowest:7.1f} s"
+        )
+        return line + (f"  (skipped: {'; '.join(sorted(self.skips))})" if self.skips else "")
+
+
+def run_campaign(campaign: Campaign, seed: int, seconds: float, only: str, keep: Path) -> Tally:
+    """Try the cases of a campaign whose `campaign/name` contains `only`, until so many seconds have passed.
+
+    Faults are told on stdout as they come, and their inputs kept in `keep`.
+    """
+    tally = Tally(campaign.name, missing=campaign.unavailable())
+    if tally.missing:
+        return tally
+    worker = Worker(campaign)
+    begin = time.monotonic()
+    try:
+        for case in campaign.cases(random.Random(seed)):
+            if time.monotonic() - begin > seconds:
+                break
+            if only not in f"{campaign.name}/{case.name}":
+                continue
+            outcome = worker.run(case)
+            if tally.add(case, outcome):
+                keep_fault(keep / campaign.name, case, outcome)
+                tell(campaign.name, case, outcome)
+    finally:
+        worker.close()
+    return tally
+
+
+def tell(name: str, case: Case, outcome: Outcome) -> None:
+    """One line about a fault."""
+    size = f" ({len(case.data)} bytes)" if case.data else ""
+    place = f" [{outcome.where}]" if outcome.where else ""
+    sys.stdout.write(
+        f"{outcome.kind:6} {name}/{case.name}{size}: {' '.join(outcome.text.split())[:400]}{place},"
+        f" {outcome.seconds:.1f} s, {outcome.memory / 1e9:.1f} GB\n"
+    )
+    sys.stdout.flush()
+
+
+def keep_fault(folder: Path, case: Case, outcome: Outcome) -> None:
+    """Write the input of a fault, and beside it what happened; a smaller one of the same place replaces it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    place = re.sub(r"\W+", "_", outcome.where.split(" < ")[0] or case.name)[:60].strip("_")
+    stem = folder / f"{outcome.kind}_{place}"
+    stem.with_name(stem.name + ".txt").write_text(
+        f"{case.name}\n{outcome.text}\n{outcome.where}\n", encoding="utf-8", errors="replace"
+    )
+    if case.data:
+        stem.with_name(f"{stem.name}.{case.suffix or 'bin'}").write_bytes(case.data)
+
+
+def shuffled(rng: random.Random, cases: Sequence[Case]) -> Iterator[Case]:
+    """All of them in random order: where the time is short, another seed tries others."""
+    return iter(rng.sample(cases, len(cases)))
