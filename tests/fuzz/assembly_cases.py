@@ -54,12 +54,12 @@ NAMES = (
 def document(
     *parts: Mapping[str, Any], scale: float = 1.0, shift: float = 0.0, **provenance: Any
 ) -> dict[str, Any]:
-    """An assembly of parts."""
+    """An assembly of parts, which it shares."""
     return {
         "format": "resfit-assembly",
         "version": 1,
         "transform": {"scale": scale, "translation": [shift, -shift, 0.0]},
-        "primitives": [copy.deepcopy(dict(part)) for part in parts],
+        "primitives": [*parts],
         "provenance": provenance,
     }
 
