@@ -171,6 +171,8 @@ def serve(
     """The worker: answer each case with its outcome, until the other end of the pipe is closed."""
     # A session of its own: Ctrl-C at a terminal is for the parent to handle.
     os.setsid()
+    # Below nohup and in some services it is ignored, and so it would be by all that is started here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     resource.setrlimit(resource.RLIMIT_AS, (address_space, hard))
     with open(os.devnull, "r+b") as sink:
