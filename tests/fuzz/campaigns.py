@@ -64,7 +64,7 @@ class Tally:
 
 
 def run_campaign(campaign: Campaign, seed: int, seconds: float, only: str, keep: Path) -> Tally:
-    """Try the cases of a campaign whose `campaign/name` contains `only`, until so many seconds have passed.
+    """Try the cases of a campaign whose `campaign/name` contains `only`, for so many seconds times its weight.
 
     Faults are told on stdout as they come, and their inputs kept in `keep`.
     """
@@ -75,7 +75,7 @@ def run_campaign(campaign: Campaign, seed: int, seconds: float, only: str, keep:
     begin = time.monotonic()
     try:
         for case in campaign.cases(random.Random(seed)):
-            if time.monotonic() - begin > seconds:
+            if time.monotonic() - begin > seconds * campaign.weight:
                 break
             if only not in f"{campaign.name}/{case.name}":
                 continue

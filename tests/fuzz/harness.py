@@ -65,11 +65,13 @@ class Campaign:
     attempt: Callable[[Case, Path], str | None]
     """Tries a case in an empty folder, and returns what is worth telling; importable by its name."""
     hang_s: float = 30.0
-    """Seconds after which a case is given up."""
+    """Seconds after which a case is given up, on a machine that has nothing else to do."""
     memory: float = 2.0e9
     """Bytes of resident memory that a case may take."""
     address_space: int = 16 << 30
     """Bytes of the worker and, each for itself, of the processes that it starts."""
+    weight: float = 1.0
+    """Its share of the time, compared with others."""
     unavailable: Callable[[], str] = lambda: ""
     """Why it cannot run here; nothing if it can."""
 
@@ -243,6 +245,11 @@ def descendants(process: int) -> list[int]:
         level = {child for child, parent in parents.items() if parent in level}
         found = [*sorted(level), *found]
     return found
+
+
+def patience() -> float:
+    """How much longer things take on a machine as busy as this one is now; at most four times."""
+    return min(4.0, max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1)))
 
 
 def exit_name(code: int | None) -> str:

@@ -97,4 +97,4 @@ def check_same(folder: Path, name: str) -> None:
         raise Wrong("another assembly than with the usual cache")
 
 
-CAMPAIGN = Campaign("kernel-caches", cases, attempt, hang_s=420.0)
+CAMPAIGN = Campaign("kernel-caches", cases, attempt, hang_s=420.0, weight=3.0)
