@@ -79,9 +79,10 @@ def run_campaign(campaign: Campaign, seed: int, seconds: float, only: str, keep:
                 break
             if only not in f"{campaign.name}/{case.name}":
                 continue
-            outcome = worker.run(case)
+            outcome, known = worker.run(case), len(tally.faults)
             if tally.add(case, outcome):
                 keep_fault(keep / campaign.name, case, outcome)
+            if len(tally.faults) > known:
                 tell(campaign.name, case, outcome)
     finally:
         worker.close()
@@ -92,10 +93,10 @@ def tell(name: str, case: Case, outcome: Outcome) -> None:
     """One line about a fault."""
     size = f" ({len(case.data)} bytes)" if case.data else ""
     place = f" [{outcome.where}]" if outcome.where else ""
-    sys.stdout.write(
-        f"{outcome.kind:6} {name}/{case.name}{size}: {' '.join(outcome.text.split())[:400]}{place},"
-        f" {outcome.seconds:.1f} s, {outcome.memory / 1e9:.1f} GB\n"
-    )
+    figures = f"{outcome.seconds:.1f} s, {outcome.memory / 1e9:.1f} GB"
+    text = f"{outcome.kind:6} {name}/{case.name}{size}: {outcome.text[:400]}{place}, {figures}"
+    # Names of cases and files may be anything: here they are printable and take one line.
+    sys.stdout.write("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text) + "\n")
     sys.stdout.flush()
 
 
