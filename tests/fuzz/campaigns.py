@@ -22,8 +22,8 @@ class Tally:
 
     name: str
     counts: Counter[str] = field(default_factory=Counter)
-    faults: dict[tuple[str, str], tuple[Case, Outcome]] = field(default_factory=dict)
-    """The smallest case of each kind of fault, by kind and place."""
+    faults: dict[str, tuple[Case, Outcome]] = field(default_factory=dict)
+    """The smallest case of each fault, by `fault_name`."""
     skips: set[str] = field(default_factory=set)
     slowest: float = 0.0
     missing: str = ""
@@ -38,9 +38,7 @@ class Tally:
         self.slowest = max(self.slowest, outcome.seconds)
         if not outcome.fault:
             return False
-        # What is wrong is told apart by its sentence; what has no place, by the case.
-        said = outcome.text if outcome.kind == WRONG else case.name
-        key = outcome.kind, outcome.where or re.sub(r"[-+.\d]+", "#", said)[:100]
+        key = fault_name(case, outcome)
         if key in self.faults and len(self.faults[key][0].data) <= len(case.data):
             return False
         self.faults[key] = case, outcome
@@ -100,11 +98,16 @@ def tell(name: str, case: Case, outcome: Outcome) -> None:
     sys.stdout.flush()
 
 
+def fault_name(case: Case, outcome: Outcome) -> str:
+    """A file's name that is the same for the same fault: by its place, else by what is wrong, else by the case."""
+    said = re.sub(r"/[^\s']+|\d+", "", outcome.text if outcome.kind == WRONG else case.name)
+    return re.sub(r"\W+", "_", f"{outcome.kind}_{outcome.where or said}")[:100].strip("_")
+
+
 def keep_fault(folder: Path, case: Case, outcome: Outcome) -> None:
     """Write the input of a fault, and beside it what happened; a smaller one of the same place replaces it."""
     folder.mkdir(parents=True, exist_ok=True)
-    place = re.sub(r"\W+", "_", outcome.where.split(" < ")[0] or case.name)[:60].strip("_")
-    stem = folder / f"{outcome.kind}_{place}"
+    stem = folder / fault_name(case, outcome)
     stem.with_name(stem.name + ".txt").write_text(
         f"{case.name}\n{outcome.text}\n{outcome.where}\n", encoding="utf-8", errors="replace"
     )
