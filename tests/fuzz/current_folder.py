@@ -27,7 +27,6 @@ COMMANDS = {
     "export": "export box.resfit x.obj",
     "compare": "compare box.resfit box.resfit -o c",
     "bench fit": "bench fit box.stl --preset fast",
-    "bench kernels": "bench kernels",
 }
 """By name: what is run after one fit to box.resfit."""
 

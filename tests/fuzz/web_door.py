@@ -63,9 +63,9 @@ CALLS: dict[str, tuple[str, list[Any]]] = {
     "no trigger": ("trame.trigger", ["__init__", [], {}]),
     "state": ("trame.state.update", [[{"key": "save_name", "value": "../evil.json"}, {"key": "parts", "value": 1}]]),
     "no method": ("os.system", ["touch /tmp/resfit-evil.json"]),
-    "huge size": ("trame.rca.size", ["resfit_picture", {"w": 1e9, "h": 1e9, "p": 1e9}]),
-    "size nan": ("trame.rca.size", ["resfit_picture", {"w": float("nan"), "h": 5, "p": 1}]),
-    "odd event": ("trame.rca.event", ["resfit_picture", {"type": "MouseMove", "x": 1e308, "y": "a"}]),
+    "huge size": ("trame.rca.size", ["resfit_picture", "", {"w": 1e9, "h": 1e9, "p": 1e9}]),
+    "size nan": ("trame.rca.size", ["resfit_picture", "", {"w": float("nan"), "h": 5, "p": 1}]),
+    "odd event": ("trame.rca.event", ["resfit_picture", "", {"type": "MouseMove", "x": 1e308, "y": "a"}]),
 }  # fmt: skip
 """What a page that has the token may send: method and arguments."""
 
