@@ -29,8 +29,8 @@ SMALL = 100_000
     "source",
     [
         mesh_cases.number_cases, mesh_cases.header_cases, mesh_cases.obj_cases, mesh_cases.other_cases,
-        mesh_cases.shape_cases, gltf_cases.node_cases, gltf_cases.length_cases, gltf_cases.index_cases, gltf_cases.feature_cases, gltf_cases.document_cases,
-        archive_cases.xml_cases,
+        mesh_cases.shape_cases, gltf_cases.node_cases, gltf_cases.length_cases, gltf_cases.index_cases,
+        gltf_cases.feature_cases, gltf_cases.document_cases, archive_cases.xml_cases,
     ],
 )  # fmt: skip
 def test_files_are_read_or_refused_in_one_sentence(
