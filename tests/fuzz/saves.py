@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from unittest import mock
 
 from fuzz.campaigns import shuffled
-from fuzz.commands import digests, leftovers
+from fuzz.commands import FILES, digests, leftovers
 from fuzz.harness import Campaign, Case, Wrong
 
 if TYPE_CHECKING:
@@ -122,6 +122,8 @@ def every_moment(folder: Path, old: str, new: str) -> None:
         name: judge(copies / f"{number:03d}" / "r.resfit", old_files, new_files)
         for number, name in enumerate(names)
     }
+    if len(names) < len(FILES):
+        raise Wrong(f"only {len(names)} moments were seen: files are written otherwise now")
     bad = {name: said for name, said in wrong.items() if said}
     if bad:
         raise Wrong(f"{len(bad)} of {len(names)} moments; before {next(iter(bad.items()))}")
