@@ -2,6 +2,7 @@
 #   make demo      fit a bundled mesh: out/potted_cactus.resfit/ with preview.png, parts.glb, assembly.json
 #   make test      the quick tests (core and test packages only)
 #   make test-all  lint, type check and every test, the slow ones and those with optional packages too
+#   make fuzz      damaged and hostile input, about 10 minutes; SECONDS_EACH=600 FUZZ="mesh-files" for one campaign
 #   make results   the tables and pictures in docs/; MESHES="folder..." fits the meshes of other folders
 #   make gallery   a page of fits, out/gallery/index.html; MESHES="folder..." shows the meshes or fits of other folders
 PYTHON ?= python3
@@ -13,7 +14,7 @@ EDITABLE := --config-settings editable_mode=strict
 FILES := find src kernels assembly target decomposition fitter eval export viewer applications -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
-.PHONY: help demo test test-all lint format schema results gallery bench doctor install install-all clean
+.PHONY: help demo test test-all fuzz lint format schema results gallery bench doctor install install-all clean
 help:
 	@sed -n 's/^#   //p' Makefile
 
@@ -25,6 +26,11 @@ test: install
 
 test-all: install-all lint
 	@$(BIN)/python -m pytest
+
+# In tests/, so that no variable tells the processes which are tried where to look for modules.
+SECONDS_EACH ?= 75
+fuzz: install
+	@cd tests && ../$(BIN)/python -m fuzz --seconds $(SECONDS_EACH) $(FUZZ)
 
 lint: install
 	@$(BIN)/ruff check .

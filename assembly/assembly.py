@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -75,6 +76,9 @@ class Assembly:
             AssemblyError: if it cannot be read or is not valid: one sentence that names file and field.
         """
         try:
+            if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+                # A pipe might never end.
+                raise AssemblyError(f"{path} is no regular file; give an assembly.json")
             with open(path, "rb") as stream:
                 content = stream.read(MAX_BYTES + 1)
         except IsADirectoryError:

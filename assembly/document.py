@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from resfit.errors import AssemblyError
 
+from .plain_json import DepthError, check_depth
 from .primitive import shown
 
 FORMAT: Final = "resfit-assembly"
@@ -20,6 +21,9 @@ VERSION: Final = 1
 
 MAX_BYTES = 32 * 1024 * 1024
 """A primitive takes about 400 bytes: a larger file is something else, and is not read into memory."""
+
+MAX_DEPTH = 64
+"""Objects and lists within each other; options of a fit have five."""
 
 MAX_PRIMITIVES = 20_000
 """Assemblies are compact by purpose; this many already take seconds a picture."""
@@ -112,12 +116,14 @@ def _parse_json(content: bytes) -> Any:
     if not text.strip():
         raise AssemblyError("this is not an assembly: the file is empty")
     try:
-        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
+        data = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
+        check_depth(data, MAX_DEPTH)
+        return data
     except json.JSONDecodeError as error:
         raise AssemblyError(
             f"this is not JSON: {error.msg.lower()} at line {error.lineno}, column {error.colno}"
         ) from None
-    except RecursionError:
+    except (RecursionError, DepthError):
         raise AssemblyError("this is not an assembly: the JSON is nested too deeply") from None
     except ValueError:
         # What else json lets through: whole numbers of thousands of digits.

@@ -70,8 +70,9 @@ class Transform:
         return (as_points(points) - np.asarray(self.translation)) / self.scale
 
     def to_mesh(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Points (n, 3) in the normalised frame, as points (n, 3) float64 in mesh units."""
-        return as_points(points) * self.scale + np.asarray(self.translation)
+        """Points (n, 3) in the normalised frame, as points (n, 3) float64 in mesh units; infinite where too large."""
+        with np.errstate(over="ignore"):
+            return as_points(points) * self.scale + np.asarray(self.translation)
 
     def to_field(self, points: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
         """Where to evaluate a field for `points` (n, 3) in mesh units, and what to add to the distances.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +9,14 @@ import numpy as np
 from ..kernels.field import evaluate_primitives
 from ..kernels.isosurface import tight_bounds
 from .assembly import Assembly
+from .plain_json import number_at, text_at
+from .report import read_report
 
 RESOLUTION = 96
 """Cells along the longest side when volumes are counted."""
 
 CHUNK = 1 << 16
 """Cells evaluated at once: 64 parts take 17 MB then."""
-
-MAX_REPORT_BYTES = 16 * 1024 * 1024
 
 
 def part_worths(assembly: Assembly, path: str | Path | None = None, device: str = "auto") -> list[float]:
@@ -29,7 +28,7 @@ def part_worths(assembly: Assembly, path: str | Path | None = None, device: str 
             parts. Without one, volumes are counted.
         device: `auto`, `cpu`, `cuda:0`.
     """
-    gains = None if path is None else _reported_gains(assembly, Path(path).parent / "report.json")
+    gains = None if path is None else _reported_gains(assembly, Path(path).parent)
     return exclusive_volumes(assembly, device) if gains is None else gains
 
 
@@ -54,13 +53,11 @@ def exclusive_volumes(assembly: Assembly, device: str = "auto") -> list[float]:
     return [float(value) for value in (alone + 1e-6 * held) * step**3]
 
 
-def _reported_gains(assembly: Assembly, path: Path) -> list[float] | None:
-    """The gains in a fit's report, None if there is none for these parts."""
-    try:
-        if path.stat().st_size > MAX_REPORT_BYTES:
-            return None
-        report = json.loads(path.read_text(encoding="utf-8"))
-        gains = {part["name"]: float(part["gain"]) for part in report["parts"]}
-        return [gains[part.name] for part in assembly.primitives]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+def _reported_gains(assembly: Assembly, folder: Path) -> list[float] | None:
+    """The gains in the report of a fit's folder, None if there is none for these parts."""
+    parts = read_report(folder).get("parts")
+    if not isinstance(parts, list):
         return None
+    gains = {text_at(part, "name"): number_at(part, "gain") for part in parts}
+    found = [gains.get(part.name) for part in assembly.primitives]
+    return None if None in found else [float(gain) for gain in found if gain is not None]

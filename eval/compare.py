@@ -9,13 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from resfit.children import python_command
 from resfit.errors import InputError
 
 from .child import ChildRun, run_measured
@@ -55,14 +55,7 @@ class Comparison:
 
     def command(self, method: str, mesh: Path, folder: Path) -> list[str]:
         """What runs a method in a process of its own."""
-        return [
-            sys.executable,
-            "-m",
-            "resfit.eval.methods",
-            method,
-            str(mesh.resolve()),
-            str(folder.resolve()),
-        ]
+        return python_command("-m", "resfit.eval.methods", method, str(mesh.resolve()), str(folder.resolve()))
 
     def fit_key(self, shape: Shape, method: str) -> str:
         """What a fit depends on."""
@@ -156,7 +149,7 @@ def run_comparison(
 
 def _warm_up(device: str) -> float:
     """Compile what is not in the cache yet, so that no fit is charged for it; the seconds that it took."""
-    said = run_measured([sys.executable, "-c", WARM, device]).stdout
+    said = run_measured(python_command("-c", WARM, device)).stdout
     try:
         return round(float(said), 3)
     except ValueError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -142,7 +143,12 @@ def evaluate(
     row |= _semantic_metrics(placed, surface, features)
     row |= {"floats": placed.floats, "closed": surface.closed, "target_kind": found.solid.kind}
     row |= {"target_rule": " ".join([found.sentence, *found.notes]), "notes": notes}
-    return {key: row[key] for key in ordered_keys(surface.closed)}
+    # Of parts that are astronomically far away, some distances are beyond all numbers.
+    return {key: None if _is_endless(row[key]) else row[key] for key in ordered_keys(surface.closed)}
+
+
+def _is_endless(value: Any) -> bool:
+    return isinstance(value, float) and not math.isfinite(value)
 
 
 def ordered_keys(closed: bool) -> list[str]:
@@ -188,6 +194,8 @@ def _distance_metrics(prediction: Prediction, surface: TargetSurface, emd: bool)
         row["emd"] = earth_movers(a, b)
     there = prediction.distance(surface.draw(NEAR_POINTS, "target"))
     back = surface.distance(prediction.draw(NEAR_POINTS, random_source("distance")))
+    if not (np.isfinite(there).all() and np.isfinite(back).all()):
+        return row
     found = surface_distance(there, back)
     return row | {"surface_mean": found.mean, "surface_p95": found.p95, "surface_max": found.largest}
 

@@ -7,9 +7,9 @@ without scripts too: those only search and sort.
 from __future__ import annotations
 
 import html
-import json
 import re
 import shutil
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -20,13 +20,16 @@ from typing import Any
 from urllib.parse import quote
 
 from ..assembly.atomic_write import write_bytes
+from ..assembly.plain_json import at, number_at, read_bytes, text_at
+from ..assembly.report import REPORT, read_report
 
 PICTURE = (960, 360)
 """Width and height of a fit's two pictures, in pixels."""
 QUALITY = 82
 """Of a WebP: a picture takes some 10 kB then, and shading still looks smooth."""
 
-MAX_REPORT_BYTES = 16 * 1024 * 1024
+MAX_PICTURE_BYTES, MAX_PICTURE_PIXELS = 32 * 1024 * 1024, 16_000_000
+"""Of a preview.png: it has 960 x 360 pixels, and a file may claim any number."""
 
 STOPPED_EARLY = ("timeout", "interrupted")
 """What `status` says of fits that are less than what was asked for."""
@@ -63,7 +66,7 @@ class Entry:
 
 def find_fits(folders: Sequence[Path]) -> list[Path]:
     """All folders of fits at or below these, in order of their paths: those with a report and an assembly."""
-    found = {path.parent for folder in folders for path in folder.rglob("report.json")}
+    found = {path.parent for folder in folders for path in folder.rglob(REPORT)}
     return sorted(path for path in found if (path / "assembly.json").is_file())
 
 
@@ -74,47 +77,25 @@ def read_entry(folder: Path, command: Callable[[dict[str, Any]], str] = lambda r
         folder: of the fit.
         command: the command line of a report.
     """
-    path = folder / "report.json"
-    try:
-        if path.stat().st_size > MAX_REPORT_BYTES:
-            return None
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+    report = read_report(folder)
+    if not report:
         return None
-    if not isinstance(report, dict) or report.get("format") != "resfit-report":
-        return None
-    found, metrics, status = (_section(report, name) for name in ("input", "metrics", "status"))
-    parts, faces = (
-        _number(section.get(name)) for section, name in ((metrics, "primitive_count"), (found, "faces"))
-    )
+    parts, faces = number_at(report, "metrics", "primitive_count"), number_at(report, "input", "faces")
     return Entry(
-        name=_text(found.get("name")) or folder.name.removesuffix(".resfit"),
-        sha256=_text(found.get("sha256")),
+        name=text_at(report, "input", "name") or folder.name.removesuffix(".resfit"),
+        sha256=text_at(report, "input", "sha256"),
         folder=folder,
-        preset=_text(_section(report, "options").get("preset")),
+        preset=text_at(report, "options", "preset"),
         parts=None if parts is None else int(parts),
-        iou=_number(metrics.get("iou")),
-        bisurf_iou=_number(metrics.get("bisurf_iou")),
-        seconds=_number(metrics.get("wall_s")),
+        iou=number_at(report, "metrics", "iou"),
+        bisurf_iou=number_at(report, "metrics", "bisurf_iou"),
+        seconds=number_at(report, "metrics", "wall_s"),
         faces=None if faces is None else int(faces),
-        sentence=_text(found.get("sentence")),
-        closed=found.get("closed") is True,
-        status=_text(status.get("name")),
+        sentence=text_at(report, "input", "sentence"),
+        closed=at(report, "input", "closed") is True,
+        status=text_at(report, "status", "name"),
         command=command(report),
     )
-
-
-def _section(report: dict[str, Any], name: str) -> dict[str, Any]:
-    section = report.get(name)
-    return section if isinstance(section, dict) else {}
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else ""
 
 
 def write_gallery(
@@ -141,10 +122,10 @@ def write_gallery(
             shutil.copyfile(entry.folder / "viewer.html", folder / "viewer.html")
         else:
             write_page(entry, folder / "viewer.html")
-        preview = entry.folder / "preview.png"
-        if preview.is_file():
-            write_bytes(folder / "preview.webp", thumbnail(preview))
-        cards.append(card(entry, f"{ITEMS}/{quote(item)}", preview.is_file()))
+        picture = thumbnail(entry.folder / "preview.png")
+        if picture is not None:
+            write_bytes(folder / "preview.webp", picture)
+        cards.append(card(entry, f"{ITEMS}/{quote(item)}", picture is not None))
     parts = {
         "TITLE": html.escape(title),
         "SUMMARY": html.escape(summary(entries)),
@@ -152,7 +133,7 @@ def write_gallery(
         "SCRIPT": source("script.js"),
         "CARDS": "\n".join(cards),
     }
-    write_bytes(out / "index.html", filled(source("page.html"), parts).encode())
+    write_bytes(out / "index.html", filled(source("page.html"), parts).encode("utf-8", "replace"))
     return out / "index.html"
 
 
@@ -171,15 +152,23 @@ def item_names(entries: Sequence[Entry]) -> list[str]:
     return names
 
 
-def thumbnail(preview: Path) -> bytes:
-    """The preview as a small WebP file."""
+def thumbnail(preview: Path) -> bytes | None:
+    """The preview as a small WebP file; None if there is none, it is damaged, or it is no picture of a usual size."""
     from PIL import Image
 
     buffer = BytesIO()
-    with Image.open(preview) as picture:
-        picture.convert("RGB").resize(PICTURE, Image.Resampling.LANCZOS).save(
-            buffer, "WEBP", quality=QUALITY, method=5
-        )
+    try:
+        content = read_bytes(preview, MAX_PICTURE_BYTES)
+        # A PNG says its size first: pixels are unpacked only if they are not too many.
+        width, height = struct.unpack(">II", content[16:24])
+        if width * height > MAX_PICTURE_PIXELS:
+            return None
+        with Image.open(BytesIO(content), formats=["PNG"]) as picture:
+            picture.convert("RGB").resize(PICTURE, Image.Resampling.LANCZOS).save(
+                buffer, "WEBP", quality=QUALITY, method=5
+            )
+    except (OSError, ValueError, SyntaxError, EOFError, struct.error):
+        return None
     return buffer.getvalue()
 
 

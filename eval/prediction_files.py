@@ -147,7 +147,11 @@ def _nodes(source: Any, name: str) -> list[tuple[str, trimesh.Trimesh]]:
 
 def _natural(name: str) -> list[tuple[int, str]]:
     """Sorts part_2 before part_10."""
-    return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in re.split(r"(\d+)", str(name))]
+    # Longer numbers than int() takes are no numbers of parts.
+    return [
+        (int(piece), "") if piece.isdecimal() and len(piece) < 20 else (-1, piece)
+        for piece in re.split(r"(\d+)", str(name))
+    ]
 
 
 def _parts_of(nodes: Sequence[tuple[str, Any]], name: str) -> PartFile:

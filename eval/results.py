@@ -19,6 +19,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+from resfit.children import python_command
+
 from ..assembly.transform import NORMALISED_SIDE
 from ..target.formats import MESH_SUFFIXES
 from .contact_sheet import draw_sheet
@@ -142,17 +144,9 @@ def fit_one(mesh: Path, work: Path, preset: str, timeout: float) -> dict[str, An
 def _call(mesh: Path, folder: Path, preset: str, timeout: float) -> tuple[int, str]:
     """Exit code of `resfit fit`, and the last sentence that it wrote on stderr, without paths."""
     # From the mesh's own folder, so that messages hold its name and not where it lies here.
-    command = [
-        sys.executable,
-        "-m",
-        "resfit",
-        "fit",
-        mesh.name,
-        "-o",
-        str(folder.resolve()),
-        "--preset",
-        preset,
-    ]
+    command = python_command(
+        "-m", "resfit", "fit", mesh.name, "-o", str(folder.resolve()), "--preset", preset
+    )
     command += ["--progress", "none"] + (["--timeout", f"{timeout:g}"] if timeout else [])
     try:
         done = subprocess.run(

@@ -59,7 +59,8 @@ def write_html(
     folder = path.absolute().parent.name.removesuffix(".resfit")
     name = folder if path.stem in ("viewer", "index") and folder else path.stem
     text = page_text(assembly, mesh=mesh, up=up, title=title or name, facts=facts)
-    write_bytes(path, text.encode())
+    # Names of files and folders may be no Unicode.
+    write_bytes(path, text.encode("utf-8", "replace"))
 
 
 def page_text(

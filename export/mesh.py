@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from resfit.errors import InputError
+
 from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import rgb
 from ..assembly.surface import check_resolution, part_meshes, union_mesh
@@ -50,7 +52,7 @@ def write_mesh(
         device: where the field is evaluated.
 
     Raises:
-        InputError: if the resolution is impossible or the file cannot be written.
+        InputError: if the resolution is impossible, the format cannot hold the surface, or the file cannot be written.
     """
     suffix = path.suffix.lower()
     merged = suffix in (".ply", ".stl") if merged is None else merged
@@ -61,8 +63,33 @@ def write_mesh(
         write_bytes(path, writer(assembly, resolution, device))
         return
     surfaces = _surfaces(assembly, merged, resolution, device)
+    _check_coordinates(_joined(surfaces), path)
     encode = {".obj": obj_bytes, ".ply": ply_bytes, ".stl": stl_bytes}[suffix]
     write_bytes(path, encode(surfaces))
+
+
+def _check_coordinates(whole: Surface, path: Path) -> None:
+    """Refuse what would be an empty file, or one whose numbers say nothing.
+
+    Raises:
+        InputError: if there is no face, or a coordinate is too large or, for the size of the whole, too far away.
+    """
+    if not len(whole.faces):
+        raise InputError(f"cannot write {path}: the assembly has no surface, so the file would be empty.")
+    number = np.float32 if path.suffix.lower() == ".stl" else np.float64
+    lower, upper = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
+    largest = float(max(np.abs(lower).max(), np.abs(upper).max()))
+    # Of halves: the difference of two large numbers may overflow.
+    half = float((upper / 2 - lower / 2).max())
+    if not max(largest, 2.0 * half) <= float(np.finfo(number).max):
+        raise InputError(
+            f"cannot write {path}: coordinates reach {largest:.3g}, more than the format holds; scale it down."
+        )
+    if half < np.spacing(number(largest)):
+        raise InputError(
+            f"cannot write {path}: at {largest:.3g} from the origin, numbers of the format cannot hold a shape that"
+            f" is {2.0 * half:.3g} large."
+        )
 
 
 def union_colors(assembly: Assembly, points: npt.NDArray[np.float64], device: str) -> npt.NDArray[np.uint8]:
@@ -112,8 +139,8 @@ def obj_bytes(surfaces: list[Surface]) -> bytes:
     # Seven digits below the extent, however far from the origin: 1e-7 of the size is what float32 holds.
     digits = max(0, 7 - math.floor(math.log10(extent))) if extent > 0.0 else 7
     lines, start = ["# resfit"], 1
-    for surface in surfaces:
-        lines.append(f"o {surface.name}")
+    for surface, name in zip(surfaces, obj_names([surface.name for surface in surfaces]), strict=True):
+        lines.append(f"o {name}")
         for (x, y, z), (red, green, blue) in zip(
             surface.vertices.tolist(), (surface.colors / 255.0).tolist(), strict=True
         ):
@@ -121,6 +148,20 @@ def obj_bytes(surfaces: list[Surface]) -> bytes:
         lines += [f"f {a} {b} {c}" for a, b, c in (surface.faces + start).tolist()]
         start += len(surface.vertices)
     return ("\n".join(lines) + "\n").encode()
+
+
+def obj_names(names: list[str]) -> list[str]:
+    """Names without backslashes, none twice: one at the end of a line would join it to the next."""
+    made: list[str] = []
+    taken = set(names)
+    for name in names:
+        plain, number = name.replace("\\", "/"), 1
+        while plain != name and plain in taken:
+            number += 1
+            plain = f"{name.replace(chr(92), '/')}-{number}"
+        taken.add(plain)
+        made.append(plain)
+    return made
 
 
 def ply_bytes(surfaces: list[Surface]) -> bytes:
@@ -147,6 +188,5 @@ def stl_bytes(surfaces: list[Surface]) -> bytes:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     triangles["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-    with np.errstate(over="ignore"):
-        triangles["corners"] = corners
+    triangles["corners"] = corners
     return b"resfit".ljust(80) + len(triangles).to_bytes(4, "little") + triangles.tobytes()

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -23,6 +23,8 @@ import warp as wp
 
 from resfit.errors import DeviceError
 
+from .address_space import require_address_space
+from .cache import init_warp
 from .cores import core_count
 from .forks import after_fork_in_child, unforked
 from .module_loading import load
@@ -69,16 +71,26 @@ def start() -> None:
     with unforked(), _start_lock:
         if not _started:
             wp.config.log_level = wp.LOG_ERROR
+            require_address_space()
             with _quiet_stderr():
-                wp.init()
+                notice = init_warp()
             _started = True
+            if notice:
+                with suppress(OSError, ValueError, AttributeError):
+                    sys.stderr.write(f"resfit: {notice}\n")
 
 
 @contextmanager
 def _quiet_stderr() -> Iterator[None]:
     """Silence native code: without a driver, Warp's start writes a CUDA warning straight to the descriptor."""
-    sys.stderr.flush()
-    saved = os.dup(2)
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.flush()
+    try:
+        saved = os.dup(2)
+    except OSError:
+        # It is closed: there is nothing to silence.
+        yield
+        return
     with open(os.devnull, "wb") as sink:
         os.dup2(sink.fileno(), 2)
     try:

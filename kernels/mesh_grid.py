@@ -66,7 +66,7 @@ def unsigned_distance_grid(query: MeshQuery, resolution: int) -> wp.array:
     """`signed_distance_grid` without the sign: (n, n, n) float32; same arguments and errors."""
     if not 2 <= resolution <= COORDINATE_LIMIT:
         raise ValueError(f"resolution must be between 2 and {COORDINATE_LIMIT}, got {resolution}")
-    if is_crowded(query):
+    if is_crowded(query.vertices.numpy(), query.faces.numpy().reshape(-1, 3)):
         band = measure_band(query, resolution, BAND * 2.0 / resolution)
     else:
         band = _query_band(query, resolution)

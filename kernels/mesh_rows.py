@@ -39,13 +39,17 @@ class CellBand:
     """(n, n, n) bool."""
 
 
-def is_crowded(query: MeshQuery) -> bool:
-    """Whether so many faces lie across each other that `measure_band` is faster than queries."""
-    if query.face_count <= CROWDED:
+def is_crowded(vertices: np.ndarray, faces: np.ndarray) -> bool:
+    """Whether so many faces lie across each other that a query of one point or ray looks at very many of them.
+
+    Args:
+        vertices: (n, 3), normalised.
+        faces: (m, 3).
+    """
+    if len(faces) <= CROWDED:
         return False
-    faces = query.faces.numpy().reshape(-1, 3)[:: -(-query.face_count // LOOKED_AT)]
-    low, high = _boxes(query.vertices.numpy(), faces)
-    return float(np.prod(high - low, axis=1).mean()) * query.face_count / 8.0 > CROWDED
+    low, high = _boxes(vertices, faces[:: -(-len(faces) // LOOKED_AT)])
+    return float(np.prod(high - low, axis=1).mean()) * len(faces) / 8.0 > CROWDED
 
 
 def measure_band(query: MeshQuery, resolution: int, reach: float) -> CellBand:

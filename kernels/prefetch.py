@@ -113,5 +113,5 @@ def prefetch(family: str, device: wp.Device) -> None:
             except Exception:  # Whoever needs it will meet the same error, and say so.
                 return
 
-    for _ in range(core_count()):
+    for _ in range(min(core_count(), len(todo))):
         threading.Thread(target=work, name="resfit-prefetch", daemon=True).start()

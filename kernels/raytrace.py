@@ -16,6 +16,7 @@ from .camera import Camera, Rays, camera_rays
 from .field_scene import FieldScene
 from .launch import PLAIN_OPTIONS, choose_device, launch
 from .march import NO_HIT
+from .mesh_rows import is_crowded
 from .mesh_scene import MeshScene
 from .primitive_set import PrimitiveSet
 from .shading import (
@@ -170,8 +171,15 @@ def render_mesh(
     """
     check_size(width, height, samples)
     device = device or choose_device("cpu")
-    scene = MeshScene(vertices, faces, color, device, smooth, samples * samples)
+    crowded = is_crowded(vertices, faces)
+    # A ray through a crowd of faces costs ten times as much: there, one a pixel has to do.
+    samples, share = (1, CROWDED_SHARE) if crowded else (samples, samples * samples)
+    scene = MeshScene(vertices, faces, color, device, smooth, share)
     return render(scene, camera, width, height, samples, ground)
+
+
+CROWDED_SHARE = 12
+"""Rays for soft light are divided by this in a crowd of faces: as few as there are."""
 
 
 def check_size(width: int, height: int, samples: int) -> None:

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from resfit.errors import InputError
 
 from .formats import read_mesh_file
-from .formats.by_trimesh import from_object
 from .formats.mesh_file import MeshFile, Piece
+from .formats.trimesh_object import from_object
 from .reader import MeshReader
 from .specks import find_specks
 from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices
@@ -82,12 +82,14 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
     else:
         name, digest = MEMORY_NAME, ""
         file = from_object(source, name)
-    notes = _check_content(file, name)
+    notes, reader = _check_content(file, name), file.reader
     vertices, faces, parts = _concatenate([piece for piece in file.pieces if len(piece.faces)])
+    # Of a large scan each copy counts.
+    del file
     _check_arrays(vertices, faces, name)
     if not digest:
         digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
-    return _weld(vertices, faces, parts, digest, notes, name, file.reader)
+    return _weld(vertices, faces, parts, digest, notes, name, reader)
 
 
 def _hash_file(path: Path) -> str:

@@ -20,8 +20,8 @@ from .target import Target
 from .topology import Edges, connected_labels, find_edges, is_balanced, label_patches
 from .weld import face_areas
 
-RANDOM_SUFFIX = re.compile(r"_[0-9a-f]{6}$")
-"""What trimesh appends to the names of a node's materials in its scenes, anew at every reading."""
+RANDOM_SUFFIX = re.compile(r"_(?=[0-9a-f]{6}$)")
+"""What trimesh appends to the name of a node for each of its materials, in its scenes and in files that it writes."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,7 @@ def split_target(target: Target) -> list[Piece]:
     """
     edges = find_edges(target.faces)
     body = label_patches(edges, through_all=True)
-    names = [part.name for part in target.parts]
-    if target.reader.startswith("trimesh"):
-        names = [RANDOM_SUFFIX.sub("", name) for name in names]
+    names = _names_of_nodes([part.name for part in target.parts])
     node = _node_of_faces(target, names)
     label = _join_nodes(body, node)
     by_node = label.max() > 0
@@ -117,6 +115,16 @@ def piece_target(
         upper=upper,
         volume=float(np.clip(0.5 - grid / spacing, 0.0, 1.0).sum(dtype=np.float64)) * spacing**3,
     )
+
+
+def _names_of_nodes(names: list[str]) -> list[str]:
+    """Names without the random suffixes that tell the materials of one node apart.
+
+    A suffix of digits only is a number that somebody gave, unless another one of the same stem has letters.
+    """
+    split = [RANDOM_SUFFIX.split(name) for name in names]
+    random = {parts[0] for parts in split if len(parts) == 2 and not parts[1].isdigit()}
+    return [parts[0] if parts[0] in random else name for name, parts in zip(names, split, strict=True)]
 
 
 def _node_of_faces(target: Target, names: list[str]) -> np.ndarray:

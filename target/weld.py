@@ -13,6 +13,9 @@ the size is above the rounding of float32 files, and below any feature."""
 LEAST_WIDTH = 1.5e-7
 """Width of a face, by the longest side of the mesh, that is left of it in float32."""
 
+BLOCK = 1 << 17
+"""Faces that are looked at together."""
+
 SMALLEST = 1e-280
 """Of the longest side: below, its inverse and squares of its parts are no longer numbers."""
 
@@ -45,8 +48,12 @@ def weld_vertices(
     if side < SMALLEST:
         raise InputError(f"the bounding box of {name} is too small for floating-point numbers; scale it up.")
     # Relative to the lower corner and the size, so that neither offset nor scale matters.
-    cells = np.round((vertices[used] - lower) * (WELD_STEPS / side)).astype(np.int64)
-    key = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    # In place: of a large scan each copy is as large as the file.
+    cells = vertices[used] - lower
+    cells *= WELD_STEPS / side
+    x, y, z = np.round(cells, out=cells).T
+    key = (x.astype(np.int64) << 42) | (y.astype(np.int64) << 21) | z.astype(np.int64)
+    del cells, x, y, z
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     renumber = np.zeros(len(vertices), np.int64)
     renumber[used] = inverse
@@ -94,13 +101,21 @@ def has_area(vertices: np.ndarray, faces: np.ndarray, least: float = 0.0) -> boo
     """Whether any triangle, across its longest side, is wider than `least` when the mesh is scaled to size 1."""
     low = vertices.min(axis=0)
     side = max(float((vertices.max(axis=0) - low).max()), SMALLEST)
-    corners = ((vertices - low) / side)[faces]
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return bool((doubled > least * longest).any())
+    for first in range(0, len(faces), BLOCK):
+        corners = (vertices[faces[first : first + BLOCK]] - low) / side
+        longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+        doubled = np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        if (doubled > least * longest).any():
+            return True
+    return False
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Areas (m,) float64 of the triangles, in squared units of `vertices`."""
+    """Areas (m,) float64 of the triangles, in squared units of `vertices`; infinite where float64 ends."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas[np.isnan(areas)] = np.inf
+    return areas

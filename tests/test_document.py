@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -186,6 +187,23 @@ def test_files_that_are_no_assemblies(content: bytes, part: str, tmp_path: Path)
     assert part in refusal(tmp_path / "wrong.json", content)
 
 
+@pytest.mark.parametrize("depth", [62, 985, 100_000])
+def test_options_nested_deeply(depth: int, tmp_path: Path) -> None:
+    (tmp_path / "good.json").write_bytes(Assembly().to_json())
+    text = (
+        (tmp_path / "good.json")
+        .read_text()
+        .replace('"provenance": {}', '"provenance": {"options": {"x": DEEP}}')
+    )
+    path = tmp_path / "deep.json"
+    path.write_text(text.replace("DEEP", "[" * (depth - 3) + "]" * (depth - 3)))
+    if depth < 64:
+        assert Assembly.load(path).to_json() == Assembly.from_json(Assembly.load(path).to_json()).to_json()
+        return
+    with pytest.raises(AssemblyError, match="nested too deeply"):
+        Assembly.load(path)
+
+
 def test_giant_files_are_not_read(tmp_path: Path) -> None:
     path = tmp_path / "giant.json"
     with path.open("wb") as stream:
@@ -201,6 +219,9 @@ def test_places_without_a_file(tmp_path: Path) -> None:
         Assembly.load(tmp_path)
     with pytest.raises(AssemblyError, match="not a valid path"):
         Assembly.load("a\0b")
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(AssemblyError, match="no regular file"):
+        Assembly.load(tmp_path / "pipe.json")
 
 
 def test_saved_bytes_load_and_save_again_the_same(tmp_path: Path) -> None:

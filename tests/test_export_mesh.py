@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,8 +135,56 @@ def test_merged_is_one_surface(assembly: Assembly, suffix: str, tmp_path: Path) 
 @pytest.mark.parametrize("merged", [True, False])
 def test_empty_assemblies(suffix: str, merged: bool, tmp_path: Path) -> None:
     path = tmp_path / f"empty{suffix}"
-    export_assembly(Assembly(), path, merged=merged)
-    assert path.stat().st_size > 0
+    if suffix == ".glb":
+        # It has nodes, if there are any, even without a surface.
+        export_assembly(Assembly(), path, merged=merged)
+        assert path.stat().st_size > 0
+        return
+    with pytest.raises(InputError, match="the file would be empty"):
+        export_assembly(Assembly(), path, merged=merged)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl"])
+@pytest.mark.parametrize(
+    "transform",
+    [
+        Transform(1.7e308),
+        Transform(1.0, (1.7e308, -1.7e308, 0.0)),
+        Transform(1e-38, (1e300, 0.0, 0.0)),
+        Transform(5e-324),
+    ],
+)
+def test_numbers_that_no_format_holds(
+    transform: Transform, suffix: str, assembly: Assembly, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"more than the format holds; scale it down\.$|cannot hold a shape"):
+        export_assembly(replace(assembly, transform=transform), tmp_path / f"a{suffix}", resolution=8)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e39, 1e300])
+def test_stl_holds_less_than_the_others(scale: float, assembly: Assembly, tmp_path: Path) -> None:
+    large = replace(assembly, transform=Transform(scale))
+    with pytest.raises(InputError, match="cannot write"):
+        export_assembly(large, tmp_path / "a.stl", resolution=8)
+    for suffix in (".obj", ".ply"):
+        export_assembly(large, tmp_path / f"a{suffix}", resolution=8)
+    vertices = np.array(
+        [line.split()[1:4] for line in (tmp_path / "a.obj").read_text().splitlines() if line[:2] == "v "],
+        float,
+    )
+    assert np.isfinite(vertices).all() and 0.5 * scale < np.ptp(vertices, axis=0).max() < 50.0 * scale
+
+
+def test_backslashes_do_not_join_lines(assembly: Assembly, tmp_path: Path) -> None:
+    names = ["a\\", "a/", "a"][: len(assembly.primitives)]
+    names += [part.name for part in assembly.primitives[3:]]
+    export_assembly(assembly.renamed(names), tmp_path / "a.obj", resolution=8, device="cpu")
+    lines = (tmp_path / "a.obj").read_text().splitlines()
+    groups = [line[2:] for line in lines if line.startswith("o ")]
+    assert groups[:3] == ["a/-2", "a/", "a"] and len(set(groups)) == len(names)
+    assert not any(line.endswith("\\") for line in lines)
 
 
 def test_same_assembly_same_bytes(assembly: Assembly, tmp_path: Path) -> None:

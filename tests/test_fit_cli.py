@@ -159,7 +159,7 @@ def test_progress_as_json_lines(meshes: Path, tmp_path: Path, capsys: pytest.Cap
         ("text.obj", b"shopping list\n", "holds no faces"),
         ("points.obj", b"v 0 0 0\nv 1 0 0\n", "no faces"),
         ("mesh.doc", b"v 0 0 0\n", "no mesh format"),
-        ("broken.glb", b"\x00\x01\x02", "not a readable"),
+        ("broken.glb", b"\x00\x01\x02", "is no GLB file"),
         ("nan.obj", b"v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", "not finite"),
         (".", None, "is a folder"),
     ],

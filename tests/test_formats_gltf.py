@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from gltf_files import CUBE, CUBE_FACES, GltfFile, cube_file
+from read_by_trimesh import read_by_trimesh
 
 from resfit.errors import InputError
-from resfit.target.formats import by_trimesh, gltf, read_mesh_file
+from resfit.target.formats import gltf, read_mesh_file
 from resfit.target.formats.mesh_file import MeshFile
 
 INPUTS = Path(__file__).parent / "data" / "field_inputs"
@@ -62,7 +63,7 @@ def test_names_that_are_no_text_are_replaced() -> None:
 
 
 def test_meshes_are_those_of_trimesh() -> None:
-    mine, other = gltf.read(DEMO), by_trimesh.read(DEMO)
+    mine, other = gltf.read(DEMO), read_by_trimesh(DEMO)
     for piece, same in zip(mine.pieces, other.pieces, strict=True):
         assert same.name.startswith(piece.name)
         assert np.array_equal(piece.vertices, same.vertices) and np.array_equal(piece.faces, same.faces)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from read_by_trimesh import read_by_trimesh
 
 from resfit.errors import InputError
-from resfit.target.formats import by_trimesh
 from resfit.target.formats.mesh_file import MeshFile
 from resfit.target.formats.off import read
 from resfit.target.load import load_mesh
@@ -106,5 +106,5 @@ def test_a_damaged_file_ends_in_one_sentence(tmp_path: Path, text: str, said: st
 def test_ordinary_files_are_the_same_as_through_trimesh(tmp_path: Path) -> None:
     path = tmp_path / "ball.off"
     trimesh.creation.icosphere(2).export(path)
-    (own,), (other,) = read(path).pieces, by_trimesh.read(path).pieces
+    (own,), (other,) = read(path).pieces, read_by_trimesh(path).pieces
     assert np.array_equal(own.vertices, other.vertices) and np.array_equal(own.faces, other.faces)

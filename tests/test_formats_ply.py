@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from read_by_trimesh import read_by_trimesh
 
 from resfit.errors import InputError
-from resfit.target.formats import by_trimesh
 from resfit.target.formats.mesh_file import MeshFile
 from resfit.target.formats.ply import read
 from resfit.target.load import load_mesh
@@ -217,7 +217,7 @@ def test_every_cut_of_a_binary_file_is_noticed(tmp_path: Path) -> None:
 def test_ordinary_files_are_the_same_as_through_trimesh(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "ball.ply"
     path.write_bytes(trimesh.exchange.ply.export_ply(trimesh.creation.icosphere(2), encoding=encoding))
-    (own,), (other,) = read(path).pieces, by_trimesh.read(path).pieces
+    (own,), (other,) = read(path).pieces, read_by_trimesh(path).pieces
     # Text keeps all its digits here; trimesh rounds it to the type that the header names.
     assert np.array_equal(own.vertices.astype(np.float32), other.vertices.astype(np.float32))
     assert np.array_equal(own.faces, other.faces)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,20 @@ def test_empty_assembly_has_no_distances() -> None:
     assert row["cd_floor"] > 0.0 and row["notes"] == []
 
 
+def test_distances_beyond_all_numbers_are_left_out() -> None:
+    size = {
+        "size": (1e15, 1e15, 1e15),
+        "roundness": 1.0,
+        "dilation": 0.02,
+        "taper": 0.5,
+        "bulge": 0.0,
+        "onion": -1.0,
+    }
+    row = resfit.evaluate(Assembly((Primitive("superfrustum", "a", Pose(), size),), FRAME), TARGET, emd=False)
+    json.dumps(row, allow_nan=False)
+    assert row["surface_max"] is None and 0.0 < row["iou"] < 1.0
+
+
 def test_leaving_out_one_metric_changes_no_other() -> None:
     assembly = Assembly(HALVES, FRAME)
     full = resfit.evaluate(assembly, TARGET, features=lambda mesh, points: points - 90.0)
@@ -175,6 +190,15 @@ def test_bodies_of_a_file_without_nodes_are_parts(tmp_path: Path, suffix: str) -
     both.export(tmp_path / f"both.{suffix}")
     source = read_prediction(tmp_path / f"both.{suffix}")
     assert isinstance(source, PartFile) and len(source.parts) == 2 and source.floats == 48
+
+
+def test_nodes_may_have_any_digits_in_their_names(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for number, name in enumerate(("part_10", "part_2", "1\u00b2", "\u0664", "9" * 5000)):
+        scene.add_geometry(box_mesh((3.0 * number, 0.0, 0.0), (1.0, 1.0, 1.0)), name, name)
+    scene.export(tmp_path / "parts.glb")
+    found = read_prediction(tmp_path / "parts.glb")
+    assert isinstance(found, PartFile) and len(found.parts) == 5
 
 
 def test_objects_of_an_obj_are_parts_though_they_touch(tmp_path: Path) -> None:

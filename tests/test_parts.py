@@ -19,7 +19,7 @@ from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from resfit.target.copies import find_copies
-from resfit.target.parts import Piece, piece_target, split_target
+from resfit.target.parts import Piece, _names_of_nodes, piece_target, split_target
 from resfit.target.target import Target, make_target
 
 
@@ -33,6 +33,19 @@ def cart() -> trimesh.Scene:
             wheel, node_name=name, transform=trimesh.transformations.translation_matrix((x, -0.6, z))
         )
     return scene
+
+
+def test_random_suffixes_are_no_names_but_numbers_are() -> None:
+    names = ["body_802ccc", "body_000123", "bolt_000001", "bolt_000002", "skirts_1a2b3c", "arm_12345", "leg"]
+    assert _names_of_nodes(names) == [
+        "body",
+        "body",
+        "bolt_000001",
+        "bolt_000002",
+        "skirts",
+        "arm_12345",
+        "leg",
+    ]
 
 
 @pytest.fixture(scope="module")

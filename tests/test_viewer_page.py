@@ -112,7 +112,7 @@ def test_page_of_a_fit_says_where_it_came_from(lamp: Assembly, tmp_path: Path) -
     box = trimesh.creation.box((1, 1, 1))
     box.export(tmp_path / "lamp.stl")
     report = {
-        "resfit": "9.9", "options": {"preset": "fast"}, "deviation": None, "metrics": {"iou": 0.87654},
+        "format": "resfit-report", "resfit": "9.9", "options": {"preset": "fast"}, "metrics": {"iou": 0.87654},
         "input": {"name": "lamp.stl", "sha256": "ab" * 32, "faces": 1234},
     }  # fmt: skip
 

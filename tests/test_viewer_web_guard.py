@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ import pytest
 from viewer_scenes import need_drawing
 from web_pages import Served, served, three
 
-from resfit.viewer.web.guard import LAUNCHER, Gate, is_plain
+from resfit.viewer.web.guard import HEADERS, LAUNCHER, Gate, is_ours, is_plain
 from resfit.viewer.web.serve import is_local, shown_host
 
 HOST = "127.0.0.1:8080"
@@ -78,6 +79,18 @@ def test_paths_of_the_page(path: str) -> None:
     assert is_plain(path)
 
 
+def test_logs_say_nothing_of_requests_that_are_none() -> None:
+    http = pytest.importorskip("aiohttp.http", reason="the extra web is not installed")
+
+    def record(text: str, error: Exception | None = None) -> logging.LogRecord:
+        told = None if error is None else (type(error), error, None)
+        return logging.LogRecord("aiohttp.server", logging.ERROR, __file__, 1, text, None, told)
+
+    assert not is_ours(record("Error handling request", http.HttpProcessingError(message="no HTTP")))
+    assert not is_ours(record("Traceback (most recent call last):\n ..."))
+    assert is_ours(record("Error handling request", ValueError("a defect"))) and is_ours(record("started"))
+
+
 def test_hosts() -> None:
     assert is_local("127.0.0.1") and is_local("::1") and is_local("localhost")
     assert not is_local("0.0.0.0") and not is_local("example.org")
@@ -123,6 +136,7 @@ def test_without_the_token_nothing_is_served(server: Served) -> None:
 def test_with_it_the_page_is_and_its_files_by_cookie(server: Served) -> None:
     status, _, headers = server.ask(f"/?token={server.token}")
     assert status == 302 and headers["Location"].startswith("index.html?token=")
+    assert HEADERS.items() <= headers.items()
     status, content, headers = server.ask(f"/index.html?token={server.token}")
     assert status == 200 and b"vue.global.js" in content
     assert headers["Set-Cookie"].startswith(f"resfit_{server.port}={server.token};")

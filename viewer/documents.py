@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import stat
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from resfit.errors import InputError
 
 from ..assembly.assembly import Assembly
+from ..assembly.plain_json import text_at
 from ..assembly.provenance import sha256_of_file
+from ..assembly.report import read_report
 
-MAX_REPORT_BYTES = 16 * 1024 * 1024
+MAX_MESH_BYTES = 2 * 1024 * 1024 * 1024
+"""Of a mesh that only a report names: larger ones, such as what stands for all memory, must be given."""
 
 
 @dataclass(frozen=True)
@@ -58,18 +60,21 @@ def _open(path: Path, target: Path | None) -> Document:
 
 def reported_mesh(file: Path) -> Path | None:
     """The mesh that the report beside an assembly.json names, if it lies near and is still the same; else None."""
-    path = file.parent / "report.json"
-    try:
-        if path.stat().st_size > MAX_REPORT_BYTES:
-            return None
-        given: Any = json.loads(path.read_text(encoding="utf-8"))["input"]
-        name, digest = str(given.get("path") or given["name"]), str(given["sha256"])
-        folder = file.absolute().parent
-        for base in (Path.cwd(), folder.parent, folder):
-            # An absolute name stands for itself, whatever is before it.
-            mesh = base / name
-            if mesh.is_file() and sha256_of_file(mesh) == digest:
-                return mesh
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, InputError):
+    report = read_report(file.parent)
+    name = text_at(report, "input", "path") or text_at(report, "input", "name")
+    digest = text_at(report, "input", "sha256")
+    if not name or not digest:
         return None
+    folder = file.absolute().parent
+    for base in (Path.cwd(), folder.parent, folder):
+        # An absolute name stands for itself, whatever is before it.
+        mesh = base / name
+        try:
+            found = mesh.stat()
+            # What the system makes up as it is read says that it has no bytes, and may not end.
+            is_file = stat.S_ISREG(found.st_mode) and 0 < found.st_size <= MAX_MESH_BYTES
+            if is_file and sha256_of_file(mesh) == digest:
+                return mesh
+        except (OSError, ValueError, InputError):
+            continue
     return None

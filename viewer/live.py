@@ -9,13 +9,14 @@ from __future__ import annotations
 import json
 import queue
 import subprocess
-import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from resfit.children import python_command
 
 from ..assembly.assembly import Assembly
 from .probe import DisplayError, has_display, probe_rendering, require
@@ -40,7 +41,7 @@ def require_screen() -> None:
 
 def window_command() -> list[str]:
     """What starts the window's process."""
-    return [sys.executable, "-m", "resfit.viewer.live_window"]
+    return python_command("-m", "resfit.viewer.live_window")
 
 
 class LiveView:

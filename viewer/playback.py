@@ -6,7 +6,6 @@ those that end up in the result have its names and colours from the beginning.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,12 +14,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from resfit.errors import InputError
+from resfit.errors import AssemblyError, InputError
 
 from ..assembly.assembly import Assembly
 from ..assembly.colors import palette_color
 from ..assembly.history import History, HistoryRound
+from ..assembly.plain_json import number_at
 from ..assembly.primitive import Primitive
+from ..assembly.report import read_report
 from ..kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
 
 Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
@@ -42,8 +43,6 @@ FROM_NOTHING = "solid"
 
 SAME_PART = 0.25
 """Normalised units: a part of the result that is farther, in place and size, from all that were kept is a new one."""
-
-MAX_REPORT_BYTES = 16 * 1024 * 1024
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,10 @@ def load_playback(folder: Path, assembly: Assembly) -> tuple[Frame, ...]:
     history = History.load(path)
     if history.transform != assembly.transform:
         raise InputError(f"'{path}' is the history of another fit than the assembly.json beside it.")
-    return playback(history, assembly, reported_iou(folder))
+    try:
+        return playback(history, assembly, reported_iou(folder))
+    except AssemblyError as error:
+        raise InputError(f"'{path}' is damaged: a row in it is no {history.family}.") from error
 
 
 def playback(history: History, assembly: Assembly, iou: float | None = None) -> tuple[Frame, ...]:
@@ -170,13 +172,7 @@ def region_boxes(regions: Iterable[Mapping[str, Any]]) -> np.ndarray:
 
 def reported_iou(folder: Path) -> float | None:
     """The IoU in the report of a fit's folder, if there is one."""
-    try:
-        path = folder / "report.json"
-        if path.stat().st_size > MAX_REPORT_BYTES:
-            return None
-        return float(json.loads(path.read_text(encoding="utf-8"))["metrics"]["iou"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return None
+    return number_at(read_report(folder), "metrics", "iou")
 
 
 def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, _Set]]]:
@@ -236,7 +232,8 @@ def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]]
     from scipy.optimize import linear_sum_assignment
 
     columns = [*range(TRANSLATION, TRANSLATION + 3), *range(SHAPES, SHAPES + 3)]
-    away = np.linalg.norm(rows[:, None, columns] - others[None, :, columns], axis=2)
+    # Large float32 numbers have no squares.
+    away = np.linalg.norm(rows[:, None, columns].astype(np.float64) - others[None, :, columns], axis=2)
     away = np.minimum(away, SAME_PART)
     pairs = [(int(k), int(j)) for k, j in zip(*linear_sum_assignment(away), strict=True)]
     closeness = float(sum(SAME_PART - away[pair] for pair in pairs))

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from resfit.children import python_command
 from resfit.errors import ResfitError
 
 SECONDS = 60.0
@@ -70,7 +71,7 @@ def start_child(code: str, environment: Mapping[str, str] | None = None) -> subp
         environment: variables to set beside those that are set here.
     """
     return subprocess.Popen(
-        [sys.executable, "-c", code],
+        python_command("-c", code),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -16,6 +16,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+from resfit.children import python_command
+
 from .. import compare
 from ..child import ChildRun, run_measured
 from ..datasets import Shape, find_shapes
@@ -102,7 +104,7 @@ def fit_once(mesh: Path, options: Mapping[str, Any], timeout: float | None = Non
     with tempfile.TemporaryDirectory() as work:
         folder, log = Path(work) / "fit", Path(work) / "log.jsonl"
         given = json.dumps(dict(options))
-        run = run_measured([sys.executable, "-c", CHILD, str(mesh), str(folder), str(log), given], timeout)
+        run = run_measured(python_command("-c", CHILD, str(mesh), str(folder), str(log), given), timeout)
         said = log.read_text(errors="replace") if log.exists() else ""
         path = folder / "report.json"
         if run.exit_code or not path.exists():
@@ -190,11 +192,11 @@ def measure_fit(
 
 def compile_kernels(device: str, cold: bool) -> float | None:
     """Fill the kernel cache, so that no run is charged for it; seconds of compiling all into a new one, if `cold`."""
-    run_measured([sys.executable, "-c", compare.WARM, device])
+    run_measured(python_command("-c", compare.WARM, device))
     if not cold:
         return None
     with tempfile.TemporaryDirectory() as cache:
-        run: ChildRun = run_measured([sys.executable, "-c", NEW_CACHE + compare.WARM, device, cache])
+        run: ChildRun = run_measured(python_command("-c", NEW_CACHE + compare.WARM, device, cache))
     try:
         return float(run.stdout)
     except ValueError:

@@ -67,7 +67,7 @@ def _size(word: str) -> int:
     """64k as 65536, 1M as 1048576."""
     factor = {"k": 1024, "M": 1024**2}.get(word[-1:], 1)
     digits = word[:-1] if factor > 1 else word
-    if not digits.isdigit() or int(digits) < 1:
+    if not (digits.isascii() and digits.isdigit()) or int(digits) < 1:
         raise InputError(f"--sizes: {word!r} is no size; give numbers such as 500, 64k or 1M.")
     return int(digits) * factor
 

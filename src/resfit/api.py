@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
@@ -22,6 +23,7 @@ from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from resfit.loading import load_behind, without_collector
+from resfit.target.reader import MeshReader, reading
 
 if TYPE_CHECKING:
     import trimesh
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
     from resfit.target.target import Target
 
 __all__ = ["FitConfig", "Progress", "evaluate", "export", "fit"]
+
+READING_SECONDS = 10.0
+"""However little time is allowed, a mesh may take so long to be read: there is nothing to write before."""
 
 TARGET_STAGES = ("load", "solid", "grid", "samples")
 
@@ -75,7 +80,8 @@ def fit(
         config: all options; those of `preset` unless given.
         on_progress: called at the beginning of each stage.
         preset: fast, balanced (unless told otherwise) or best.
-        should_stop: asked often; once True, the best so far is returned.
+        should_stop: asked often; once True, the best so far is returned. With it or a timeout, another process
+            reads the file.
         init: an assembly to start from, a path of one, or the folder of a fit.
         objective: volume, unless given: rounds of fitting. chamfer only moves the parts of `init`, which may be of any
             families, to lessen the Chamfer distance between the surfaces.
@@ -84,6 +90,7 @@ def fit(
 
     Raises:
         InputError: if the mesh cannot be read or holds nothing solid, or an option makes no sense.
+        StoppedError: if it was stopped before the mesh was read.
     """
     clock = clock or Clock.now()
     config = make_config(config, preset, dict(options))
@@ -94,8 +101,12 @@ def fit(
     prefetch(config.primitive, device)
     timings: dict[str, float] = {}
     tell = on_progress or (lambda progress: None)
-    with without_collector(), launch.often_switching():
-        target = _measure(mesh_or_path, config, device, tell, clock, timings)
+    with (
+        without_collector(),
+        launch.often_switching(),
+        _stoppable(mesh_or_path, should_stop, config.timeout, begin) as source,
+    ):
+        target = _measure(source, config, device, tell, clock, timings)
         # There by now, or nearly: `_measure` had them loaded in the background.
         from resfit.additions import add_stages
         from resfit.fitter.stages import fit_stages
@@ -234,6 +245,20 @@ def start_rows(assembly: Assembly, primitive: str, transform: Transform) -> np.n
             shapes[:, FAMILIES[primitive].columns(parameter.name)] *= ratio
     rows[:, BLEND] *= ratio
     return rows
+
+
+def _stoppable(
+    source: Any, should_stop: Callable[[], bool] | None, timeout: float, begin: Clock
+) -> AbstractContextManager[Any]:
+    """`source`, whose reading ends where it is to stop: that takes a process of its own."""
+    if should_stop is None and not timeout and not isinstance(source, MeshReader):
+        return nullcontext(source)
+
+    def stop() -> bool:
+        late = timeout > 0.0 and begin.wall_s > max(timeout, READING_SECONDS)
+        return late or (should_stop is not None and should_stop())
+
+    return reading(source, stop)
 
 
 def _measure(

@@ -19,5 +19,11 @@ class AssemblyError(InputError):
     """An assembly that is not valid: the message names the field."""
 
 
+class StoppedError(ResfitError):
+    """A fit that was stopped before there was anything to write."""
+
+    exit_code = 4
+
+
 class DeviceError(InputError):
     """A compute device that is not there."""

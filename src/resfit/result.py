@@ -15,6 +15,7 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.atomic_write import write_bytes
 from resfit.assembly.colors import rgb
 from resfit.assembly.history import History
+from resfit.assembly.report import FORMAT, REPORT
 from resfit.clock import Clock, peak_mb, timed
 from resfit.errors import InputError
 from resfit.eval.metrics import Deviation
@@ -23,7 +24,7 @@ from resfit.export.facts import report_facts, up_axis
 from resfit.export.html import MAX_PARTS, write_html
 from resfit.export.overlay import Triangles
 from resfit.fitter.outcome import Status
-from resfit.folder import REPORT, REPORT_FORMAT, filling
+from resfit.folder import filling
 from resfit.kernels.camera import frame_bounds
 from resfit.kernels.cores import core_count
 from resfit.kernels.isosurface import tight_bounds
@@ -101,7 +102,8 @@ class FitResult:
         """Write assembly.json, parts.glb, preview.png, viewer.html, history.npz and report.json.
 
         The folder is filled at once or not at all. One that exists is used if it is empty or holds an earlier fit,
-        whose files are replaced.
+        whose files are replaced: in one operation too, or where that is not possible the report goes first and comes
+        last, so that a mixture is never taken for a fit.
 
         Raises:
             InputError: if the assembly is empty, the folder holds something else, or cannot be written.
@@ -162,7 +164,7 @@ class FitResult:
             for part, gain in zip(self.assembly.primitives, self.gains, strict=True)
         ]
         return {
-            "format": REPORT_FORMAT,
+            "format": FORMAT,
             "version": REPORT_VERSION,
             "status": {
                 "name": self.status.name.lower(),
@@ -214,7 +216,8 @@ class FitResult:
 def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:
     """What was given: the name of the file at `name`, without its folder, and the target's findings."""
     return InputInfo(
-        name=Path(name).name if name is not None else "mesh",
+        # File names are bytes: some are no UTF-8, others only look so in a locale without it.
+        name="mesh" if name is None else os.fsencode(Path(name).name).decode("utf-8", "replace"),
         sha256=target.input_sha256,
         vertices=len(target.vertices),
         faces=len(target.faces),

@@ -194,6 +194,8 @@ class Meshes:
             mesh = DracoPy.decode(bytes(data))
             found = {wanted.get(column["unique_id"], ""): column["data"] for column in mesh.attributes}
             corners = np.asarray(mesh.faces, np.int64).reshape(-1)
+        except MemoryError:
+            raise
         except Exception as error:
             # The decoder raises whatever it runs into: to a user each of them means the same.
             raise InputError(

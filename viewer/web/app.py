@@ -175,16 +175,20 @@ class App:
 
     def on_select(self, item: int, name: str) -> None:
         """A part was chosen from the list; the chosen one again is let go."""
-        ref = PartRef(item, name)
-        self.post(lambda: self.controller.select(None if ref == self.controller.session.selected else ref))
+
+        def select() -> None:
+            ref = self._ref(item, name)
+            self.controller.select(None if ref == self.controller.session.selected else ref)
+
+        self.post(select)
 
     def on_hide(self, item: int, name: str) -> None:
         """A part is to be hidden, or shown again."""
-        self._edit(lambda: self.controller.session.hide(PartRef(item, name)))
+        self._edit(lambda: self.controller.session.hide(self._ref(item, name)))
 
     def on_only(self, item: int, name: str) -> None:
         """A part is to be shown alone, or with all others again."""
-        self._edit(lambda: self.controller.session.isolate(PartRef(item, name)))
+        self._edit(lambda: self.controller.session.isolate(self._ref(item, name)))
 
     def on_slide(self, slider_id: str, value: float, done: bool) -> None:
         """A slider is being dragged, or was let go."""
@@ -241,6 +245,17 @@ class App:
         self.reset()
         self._act()
         return self.controller.session.state.assemblies[self.controller.item].to_json().decode()
+
+    def _ref(self, item: Any, name: Any) -> PartRef:
+        """A part that the page names, whatever it sent.
+
+        Raises:
+            InputError: if there is no such part.
+        """
+        for ref in self.controller.session.refs():
+            if (ref.item, ref.name) == (item, name):
+                return ref
+        raise InputError("there is no such part any more.")
 
     def _settle(self) -> None:
         self._live = False

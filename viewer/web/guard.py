@@ -7,6 +7,7 @@ web socket and later visits bring along; a server forgets nothing and keeps no l
 from __future__ import annotations
 
 import hmac
+import logging
 import secrets
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -78,6 +79,17 @@ def is_plain(raw_path: str) -> bool:
     return path.isprintable() and "%" not in path and not any(part in (".", "..") for part in parts)
 
 
+def is_ours(record: logging.LogRecord) -> bool:
+    """Whether a record of the server's logs is about the server, not about a request that it could make nothing of.
+
+    Such a request is answered, by 400 or an error; how it came about is no news for the terminal.
+    """
+    from aiohttp.http import HttpProcessingError
+
+    told = record.exc_info[1] if record.exc_info else None
+    return not isinstance(told, HttpProcessingError) and not record.getMessage().startswith("Traceback")
+
+
 def guard(web_app: Any, gate: Gate) -> None:
     """Put a gate before everything that a wslink server answers, and say where its web socket is.
 
@@ -96,16 +108,27 @@ def guard(web_app: Any, gate: Gate) -> None:
         )
         if reason is not None:
             return web.Response(status=403, text=reason, headers=HEADERS)
-        response = await handler(request)
-        if not response.prepared:
-            response.headers.update(HEADERS)
-            if query is not None:
-                response.set_cookie(cookie, gate.token, httponly=True, samesite="Strict")
+
+        def finish(response: web.StreamResponse) -> None:
+            if not response.prepared:
+                response.headers.update(HEADERS)
+                if query is not None:
+                    response.set_cookie(cookie, gate.token, httponly=True, samesite="Strict")
+
+        try:
+            response = await handler(request)
+        except web.HTTPException as answer:
+            # Redirects and refusals are raised.
+            finish(answer)
+            raise
+        finish(response)
         return response
 
     async def launch(request: web.Request) -> web.Response:
         scheme = "wss" if request.scheme == "https" else "ws"
         return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
 
+    for name in ("aiohttp.server", "wslink.protocol"):
+        logging.getLogger(name).addFilter(is_ours)
     web_app.app.middlewares.append(check)
     web_app.app.router.add_post(LAUNCHER, launch)

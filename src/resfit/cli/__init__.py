@@ -1,8 +1,8 @@
 """The command line: one file a command.
 
-Exit codes: 0 done; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input (one
-sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written. Modules of
-commands import nothing heavy, so that `--help` is quick.
+Exit codes: 0 the result is there; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input
+(one sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written if there
+was one. Modules of commands import nothing heavy, so that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
+from resfit.cli.terminal import flush, guard_streams, loss, tell
 from resfit.errors import InputError, ResfitError
 from resfit.loading import own_process, without_collector
 
 if TYPE_CHECKING:
     from cyclopts import App
 
-DEFECT, STOPPED = 1, 4
+DEFECT, UNUSABLE, STOPPED = 1, 2, 4
 
 HELP_ALL = "--help-all"
 """Like --help, with the options that few people need."""
@@ -73,15 +73,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process.
     """
     try:
-        return _run(sys.argv[1:] if arguments is None else list(arguments))
+        code = _run(sys.argv[1:] if arguments is None else list(arguments))
+        lost = loss() if code == 0 else ""
+        return _complain(lost, UNUSABLE) if lost else code
     except ResfitError as error:
         return _complain(str(error), error.exit_code)
     except KeyboardInterrupt:
         return _complain("stopped.", STOPPED)
-    except BrokenPipeError:
-        # Who reads our output has seen enough. What Python still holds must go somewhere at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except MemoryError:
+        return _complain("there is not enough memory for this here; free some, or raise its limit.", UNUSABLE)
     except Exception as error:
         sentence = f"this is a defect of resfit ({type(error).__name__}): {error}; the log is {_write_log()}"
         return _complain(sentence, DEFECT)
@@ -90,6 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def command() -> NoReturn:
     """The program: `main`, and out."""
     own_process()
+    guard_streams()
     leave(main())
 
 
@@ -99,10 +100,7 @@ def leave(code: int) -> NoReturn:
     Warp would unload its kernels one module after the other, for which people would wait: memory goes with the process
     anyway.
     """
-    for stream in (sys.stdout, sys.stderr):
-        # Who reads our output may have gone.
-        with suppress(OSError, ValueError):
-            stream.flush()
+    flush()
     os._exit(code)
 
 
@@ -118,14 +116,12 @@ def _run(arguments: list[str]) -> int:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         raise InputError(f"{error} See resfit --help.") from error
-    sys.stdout.flush()
     return code if isinstance(code, int) else 0
 
 
 def _complain(sentence: str, code: int) -> int:
     """One line on stderr, whatever the message was made of."""
-    line = " ".join(sentence.split())
-    sys.stderr.write(f"resfit: {line}\n")
+    tell("resfit: " + " ".join(sentence.split()))
     return code
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from resfit.cli.terminal import summarise
 from resfit.errors import InputError
 
 FAILED, STOPPED = 3, 4
@@ -169,7 +170,7 @@ def ablation(
         say("stopped; the same command goes on from here.")
         return STOPPED
     write_ablation(rows, output)
-    sys.stdout.write(say_all(rows) + f"written  {output}/ {' '.join(('rows.jsonl', *FILES))}\n")
+    summarise(say_all(rows) + f"written  {output}/ {' '.join(('rows.jsonl', *FILES))}\n")
     failed = sum(row["status"] != "ok" for row in seen)
     if failed:
         say(f"{failed} of {total} fits failed; {FILES[0]} says why.")

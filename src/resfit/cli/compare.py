@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from resfit.cli.terminal import summarise
 from resfit.errors import InputError
 
 FAILED, STOPPED = 3, 4
@@ -76,7 +77,7 @@ def compare(
         code = STOPPED
     if rows:
         write_report(rows, shapes, output)
-        sys.stdout.write(f"{summary(rows)}written  {output}/ {' '.join(('rows.jsonl', *FILES))}\n")
+        summarise(f"{summary(rows)}written  {output}/ {' '.join(('rows.jsonl', *FILES))}\n")
     failed = [row for row in rows if row["status"] != "ok"]
     if failed:
         say(f"{len(failed)} of {total} fits failed; rows.jsonl and tables.md say why.")

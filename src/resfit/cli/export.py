@@ -50,6 +50,8 @@ def export(
     if (mesh or up) and not pages:
         raise InputError("--mesh and --up are for pages; give a file to write that ends in .html.")
     whole = loaded = Assembly.load(assembly)
+    if not whole.primitives:
+        raise InputError(f"'{assembly}' has no parts: there is nothing to export.")
     if top is not None and top < len(whole.primitives):
         from resfit.assembly.worth import part_worths
 

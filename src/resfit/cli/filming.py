@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from resfit.cli.terminal import summarise
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -36,7 +38,7 @@ def make_film(
 
     with _bar() as tell:
         made = save_film(request, FilmRequest(path, motion, seconds, fps), tell)
-    sys.stdout.write(f"{path}: {made}\n")
+    summarise(f"{path}: {made}\n")
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,10 +9,11 @@ from cyclopts import Group, Parameter
 
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
+from resfit.cli.terminal import summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
-from resfit.target.reader import reading_ahead
+from resfit.target.reader import reading
 
 if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
@@ -53,7 +53,7 @@ def fit(
 ) -> int:
     """Fit an assembly of primitives to a mesh, and write it to a folder.
 
-    Ctrl-C keeps the best so far; a second one aborts. More options: resfit fit --help-all.
+    Ctrl-C keeps the best so far, if the mesh is read by then; a second one aborts. More options: resfit fit --help-all.
 
     Args:
         mesh: a mesh: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2.
@@ -64,7 +64,7 @@ def fit(
         max_primitives: stop at this many parts; 64 unless given.
         target_iou: stop once the assembly matches the solid this well, 0 to 1.
         tolerance: stop once 95 % of the surface is nearer than this, in the mesh's units.
-        timeout: seconds after which the best so far is written.
+        timeout: seconds after which the best so far is written; a mesh may take 10 s to be read in any case.
         rounds: most rounds of fitting.
         primitive: family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.
         union: whether parts may run into each other smoothly; smooth unless given.
@@ -127,7 +127,6 @@ def run_fit(
     with watching(mesh, view, options.get("primitive") or "superfrustum") as watcher:
         code, result = _fit_and_write(mesh, folder, progress, options, watcher)
         # Ctrl-C ends the process again from here on; what is written stays.
-        sys.stdout.flush()
         watcher.finish(result)
     return code
 
@@ -137,7 +136,7 @@ def _fit_and_write(
 ) -> tuple[int, FitResult]:
     """The same as `run_fit`, without its checks; the exit code and the result."""
     clock = Clock.of_process()
-    with catching_signals() as stop, reading_ahead(mesh) as source, make_reporter(progress) as reporter:
+    with catching_signals() as stop, reading(mesh) as source, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
         from resfit import fit as fit_mesh
 
@@ -155,11 +154,9 @@ def _fit_and_write(
             result.save(folder)
         reporter.tell("done", status=result.status.name.lower(), exit_code=code, directory=written)
     if written:
-        sys.stdout.write(summary(result, folder, clock.wall_s))
+        summarise(summary(result, folder, clock.wall_s))
     else:
-        sys.stderr.write(
-            f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.\n"
-        )
+        tell(f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.")
     return code, result
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shlex
 import sys
 from dataclasses import asdict
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from resfit.errors import InputError
+from resfit.cli.terminal import summarise
+from resfit.errors import AssemblyError, InputError
 
 if TYPE_CHECKING:
     from resfit.eval.gallery import Entry
@@ -89,7 +91,7 @@ def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: flo
     page = write_gallery(
         entries, output, lambda entry, path: write_page(entry, path, meshes.get(entry.sha256)), title
     )
-    sys.stdout.write(f"{page}: {summary(entries)}\n")
+    summarise(f"{page}: {summary(entries)}\n")
     return code
 
 
@@ -100,13 +102,23 @@ def digest_of(mesh: Path) -> str:
 
 
 def read_entries(folders: list[Path]) -> list[Entry]:
-    """The fits in these folders by name; of one that is there twice, given in two ways, the first."""
+    """The fits in these folders by name; of one that is there twice, given in two ways, the first.
+
+    Those whose assembly cannot be read are left out, and said.
+    """
+    from resfit.assembly.assembly import Assembly
     from resfit.eval.gallery import read_entry
 
     found = {folder.resolve(): read_entry(folder, fit_command) for folder in folders}
-    return sorted(
-        (entry for entry in found.values() if entry), key=lambda entry: (entry.name.lower(), entry.folder)
-    )
+    entries = []
+    for entry in found.values():
+        try:
+            if entry is not None:
+                Assembly.load(entry.folder / "assembly.json")
+                entries.append(entry)
+        except AssemblyError as error:
+            sys.stderr.write(f"resfit: left out: {error}\n")
+    return sorted(entries, key=lambda entry: (entry.name.lower(), entry.folder))
 
 
 def fit_all(meshes: list[Path], work: Path, preset: str, timeout: float) -> int:
@@ -133,35 +145,57 @@ def write_page(entry: Entry, path: Path, mesh: Path | None) -> None:
 
 
 def fit_command(report: dict[str, Any]) -> str:
-    """The command line that makes a fit again, from the options in its report; empty if they are not there."""
-    from resfit.export.facts import at
+    """The command line that makes a fit again, from the options in its report.
+
+    It is to be copied into a shell, and the report may be anybody's: empty unless the name is printable and each option
+    is of its type.
+    """
+    from resfit.assembly.plain_json import text_at
     from resfit.fitter.config import preset_config
 
-    options, name = report.get("options"), at(report, "input", "name")
-    if not isinstance(options, dict) or not isinstance(name, str):
+    options, name, seed = report.get("options"), text_at(report, "input", "name"), report.get("seed") or 0
+    if not isinstance(options, dict) or not name.isprintable() or not name or type(seed) is not int:
         return ""
     try:
         usual = asdict(preset_config(options.get("preset", "balanced")))
     except (InputError, TypeError):
         return ""
-    words = (
-        ["resfit", "fit", name, "--preset", str(options["preset"])]
-        if "preset" in options
-        else ["resfit", "fit", name]
-    )
     changed = {key: value for key, value in options.items() if key in usual and value != usual[key]}
+    objective = options.get("objective") or ""
+    if not _is_word(objective) or not all(_is_like(value, usual[key]) for key, value in changed.items()):
+        return ""
+    words = ["resfit", "fit", f"./{name}" if name.startswith("-") else name]
+    words += ["--preset", options["preset"]] if "preset" in options else []
     for key in OPTIONS:
         if key in changed:
             words += ["--" + key.replace("_", "-"), str(changed.pop(key))]
     words += [f"--{key}" for key in ("snap", "pareto") if changed.pop(key, False)]
     if "per_part" in changed:
         words.append({"on": "--per-part", "off": "--whole"}.get(str(changed.pop("per_part")), ""))
-    if report.get("seed"):
-        words += ["--seed", str(report["seed"])]
-    if options.get("init_sha256"):
-        words += ["--init", "ASSEMBLY"]
-    if options.get("objective"):
-        words += ["--objective", str(options["objective"])]
-    # What only Python can set.
-    rest = ", ".join(f"{key}={value}" for key, value in changed.items() if key != "preset")
+    words += ["--seed", str(seed)] if seed else []
+    words += ["--init", "ASSEMBLY"] if options.get("init_sha256") else []
+    words += ["--objective", objective] if objective else []
+    # What only Python can set; not every shell skips comments, so nothing but plain words may stand there.
+    rest = ", ".join(
+        f"{key}={'...' if isinstance(value, dict | list) else value}"
+        for key, value in changed.items()
+        if key != "preset"
+    )
     return shlex.join(word for word in words if word) + (f"  # and in Python: {rest}" if rest else "")
+
+
+def _is_like(value: Any, usual: Any) -> bool:
+    """Whether an option's value is of the type of the usual one; a text must be a word."""
+    if isinstance(usual, str):
+        return _is_word(value)
+    if isinstance(usual, bool):
+        return isinstance(value, bool)
+    if isinstance(usual, int | float):
+        return isinstance(value, int if isinstance(usual, int) else int | float) and not isinstance(
+            value, bool
+        )
+    return isinstance(value, dict | list)
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"\w*", value, re.ASCII) is not None

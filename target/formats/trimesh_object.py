@@ -1,4 +1,4 @@
-"""Formats that trimesh reads, and meshes that are trimesh objects already."""
+"""Meshes and scenes that are trimesh objects already."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,34 +15,8 @@ from resfit.errors import InputError
 from .mesh_file import MeshFile, Piece
 
 
-def read(path: Path) -> MeshFile:
-    """The scene in a file of any format that trimesh knows.
-
-    Raises:
-        InputError: if trimesh does not know the format, or cannot read the file.
-    """
-    import trimesh
-
-    suffix = path.suffix.lower().lstrip(".")
-    if suffix not in trimesh.available_formats():
-        written = f"'.{suffix}'" if suffix else "no suffix"
-        raise InputError(
-            f"'{path}' has {written}, which is no mesh format known here; convert it to GLB, OBJ, PLY or STL."
-        )
-    with _quiet():
-        try:
-            scene = trimesh.load_scene(path, process=False)
-        except Exception as error:
-            # Loaders raise whatever their parsers run into: to a user each of them means the same.
-            raise InputError(
-                f"'{path}' is no {suffix.upper()} file that can be read; export it again, or convert it to GLB,"
-                " OBJ, PLY or STL."
-            ) from error
-    return from_object(scene, f"'{path}'")
-
-
 def from_object(source: Any, name: str) -> MeshFile:
-    """The same of a trimesh.Trimesh or trimesh.Scene.
+    """The pieces of a trimesh.Trimesh or trimesh.Scene.
 
     Args:
         source: the object.
