@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from ..kernels.primitives import family
-from ..kernels.rows import ROTATION, SHAPES
+from ..kernels.rows import ROTATION, SHAPES, TRANSLATION
 from .canonical import (
     canonical_changes,
     is_box,
@@ -27,8 +27,8 @@ from .placement import canonical_sign, matrix_of, multiply, quaternion_of
 from .snap_axes import ROTATIONS
 from .ties import Copied, Ties, tidy, turn_between
 
-THIN = 5e-3
-"""A size below this, and below a tenth of the dilation, is none."""
+THIN = 0.02
+"""A size below this share of the dilation is none."""
 
 NEARLY_ONE = 0.99
 """Onion above which a wall is none, where dilation makes it thick."""
@@ -39,6 +39,12 @@ NEAR = {"bulge": 0.01, "taper": 0.015, "roundness": 0.03, "dilation": 2e-3, "squ
 COSTLESS = 2e-5
 """Most that the objective may fall for one part: about the weight of one sample point."""
 
+
+SIMPLER = 1e-3
+"""The same where a part becomes a ball, a capsule or a ring: half its price for half its numbers."""
+
+COARSE = 0.01
+"""And where the surface moves by less than it is off the target's anyway, as on a coarse ball of facets."""
 
 MOST_SHIFT = 3e-4
 """Mean distance that a surface may move at any cost: a fiftieth of a cell, far below what the grid measures. Fits of
@@ -65,7 +71,7 @@ def standard_forms(rows: np.ndarray, judge: Judge, copies: Sequence[Copied] = ()
         form.attempt(index, _canonical(form.rows[index], name))
         bare = _without_extent(form.rows[index], name)
         if not np.array_equal(bare, form.rows[index]):
-            form.attempt(index, _tuned(bare, name, partial(form.objective_with, index)))
+            form.attempt(index, _tuned(bare, name, partial(form.objective_with, index)), SIMPLER)
         form.attempt(index, _plainest_pose(form.rows[index], name))
     return form.rows
 
@@ -86,32 +92,41 @@ class _Forms:
     def objective_with(self, index: int, row: np.ndarray) -> float:
         return self.judge.objective(self.changed(index, row))
 
-    def attempt(self, index: int, row: np.ndarray) -> None:
-        """Take a row if that costs nothing."""
+    def attempt(self, index: int, row: np.ndarray, fall: float = COSTLESS) -> None:
+        """Take a row if the objective falls by no more than `fall`, or the surface hardly moves."""
         if np.array_equal(row, self.rows[index]):
             return
         rows = self.changed(index, row)
         objective = self.judge.objective(rows)
-        if objective >= self.objective - COSTLESS or self._shift(index, row) <= MOST_SHIFT:
-            self.rows, self.objective = rows, objective
+        if objective < self.objective - fall:
+            shift, misfit = self._shift(index, row)
+            coarse = objective >= self.objective - COARSE and shift <= misfit
+            if shift > MOST_SHIFT and not (fall > COSTLESS and coarse):
+                return
+        self.rows, self.objective = rows, objective
 
-    def _shift(self, index: int, row: np.ndarray) -> float:
-        """Mean distance by which a primitive's surface moves, at the samples near it."""
+    def _shift(self, index: int, row: np.ndarray) -> tuple[float, float]:
+        """Mean distances by which a primitive's surface moves, and is off the target's, at samples near it."""
         before, after = self.judge.values(np.stack([self.rows[index], row]))
         near = np.abs(before) < NEAR_SURFACE
-        return float(np.abs(after - before)[near].mean()) if near.any() else 0.0
+        if not near.any():
+            return 0.0, 0.0
+        off = before[near] - self.judge.samples.distance[near]
+        return float(np.abs(after - before)[near].mean()), float(np.abs(off).mean())
 
 
 def _tuned(row: np.ndarray, name: str, objective: Callable[[np.ndarray], float]) -> np.ndarray:
-    """The row with its lengths that are not 0 moved one by one to where the objective is highest."""
+    """The row with its lengths that are not 0, and its place, moved one by one to where the objective is highest."""
     entry, best = family(name), objective(row)
     shape = SHAPES + np.array([0, 1, 2, entry.columns("dilation").start])
     # Of a ring both sides of the profile are one diameter.
-    groups = [shape[:2], shape[2:3], shape[3:]] if row[SHAPES] == row[SHAPES + 1] else shape[:, None]
+    lengths = [shape[:2], shape[2:3], shape[3:]] if row[SHAPES] == row[SHAPES + 1] else list(shape[:, None])
+    lengths = [columns for columns in lengths if (row[columns] > 0.0).all()]
+    place = list(TRANSLATION + np.arange(3)[:, None])
     for step in TUNING:
-        for columns in groups:
+        for columns in (*lengths, *place):
             for direction in (step, -step):
-                while (row[columns] > max(-direction, 0.0)).all():
+                while columns[0] < SHAPES or (row[columns] > step).all():
                     moved = row.copy()
                     moved[columns] += direction
                     found = objective(moved)
@@ -128,7 +143,7 @@ def _without_extent(row: np.ndarray, name: str) -> np.ndarray:
         return row
     changed = row.copy()
     sizes = row[SHAPES : SHAPES + 3].astype(np.float64)
-    thin = (sizes < THIN) & (sizes < 0.1 * dilation)
+    thin = sizes < THIN * dilation
     onion = parameter_of(row, name, "onion", -1.0)
     if onion > NEARLY_ONE and not thin[:2].any():
         # A ring: half the wall's thickness goes inwards, half outwards.
