@@ -100,18 +100,31 @@ def test_interrupt_keeps_the_best_so_far(number: int, meshes: Path, tmp_path: Pa
     assert json.loads((folder / "report.json").read_text())["status"]["stopped_early"] is True
 
 
-def test_timeout_writes_something_but_spares_an_earlier_fit(
+def test_a_fit_stopped_before_a_part_is_found_writes_nothing(
     meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["fit", str(meshes / "box.stl"), "-o", str(tmp_path / "fit"), "--device", "cpu"]
     assert resfit.cli.main([*arguments, "--timeout", "0.001"]) == 4
-    assert "a box around the mesh" in capsys.readouterr().out
-    assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == FILES
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.endswith("before a part was found, so nothing was written.\n")
+    assert not (tmp_path / "fit").exists()
+    assert resfit.cli.main([*arguments, "--preset", "fast"]) == 0
     before = (tmp_path / "fit" / "report.json").read_bytes()
+    capsys.readouterr()
     assert resfit.cli.main([*arguments, "--timeout", "0.001"]) == 4
     captured = capsys.readouterr()
     assert captured.out == "" and "is as it was" in captured.err
     assert (tmp_path / "fit" / "report.json").read_bytes() == before
+
+
+def test_the_summary_says_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = Path(__file__).parent / "data" / "field_inputs" / "drilled_plate.obj"
+    assert resfit.cli.main(["fit", str(source), "-o", str(tmp_path / "fit"), "--preset", "fast"]) == 0
+    text = capsys.readouterr().out
+    report = json.loads((tmp_path / "fit" / "report.json").read_text())
+    kept = 4 - report["metrics"]["filled_holes"]
+    assert kept == 4 or f"left out {4 - kept} through-hole" in text
+    assert " % of the size)" in text and "resfit view " in text
 
 
 def test_an_empty_assembly_is_no_result(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -147,8 +148,8 @@ def _fit_and_write(
         should_stop = _told_once(stop, reporter)
         result = fit_mesh(source, None, show, should_stop=should_stop, clock=clock, **options)
         code = STOPPED if result.status.stopped_early or stop.requested else 0
-        # What was stopped before it began is worth less than an earlier fit.
-        written = None if result.placeholder and holds_fit(folder) else str(folder)
+        # A box around the mesh is no fit.
+        written = None if result.placeholder else str(folder)
         if written:
             reporter.tell("writing")
             result.save(folder)
@@ -156,7 +157,8 @@ def _fit_and_write(
     if written:
         summarise(summary(result, folder, clock.wall_s))
     else:
-        tell(f"resfit: stopped before a part was found; the earlier fit in '{folder}' is as it was.")
+        kept = f"; the earlier fit in '{folder}' is as it was" if holds_fit(folder) else ""
+        tell(f"resfit: stopped before a part was found, so nothing was written{kept}.")
     return code, result
 
 
@@ -182,29 +184,42 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
         folder: where it was written.
         seconds: that all of it took.
     """
+    from resfit.assembly.transform import NORMALISED_SIDE
+
     count, iou = result.metrics["primitive_count"], result.metrics["iou"]
     parts = f"{count} part{'' if count == 1 else 's'}"
     distance = "no surface"
     if result.deviation is not None:
-        distance = f"95 % of the surface within {result.deviation.p95:.3g} (mesh units)"
+        share = result.deviation.p95 / (NORMALISED_SIDE * result.assembly.transform.scale)
+        distance = (
+            f"95 % of the surface within {result.deviation.p95:.3g} units ({100.0 * share:.2g} % of the size)"
+        )
     # A thick shell round an open sheet is easy to match: there the distance says more.
     figures = (
         [f"IoU {iou:.3f}", distance] if result.input.closed else [distance, f"IoU {iou:.3f} of the solid"]
     )
-    stopped = result.status.value
-    if result.placeholder:
-        stopped = "before a part was found: the one part is a box around the mesh"
     lines = [
         f"{result.input.name}: {parts}, {', '.join(figures)}, {seconds:.1f} s",
         f"  input    {result.input.sentence}",
         *(f"           {note}" for note in result.input.notes),
         *(f"  parts    {note}" for note in result.notes),
-        f"  stopped  {stopped}",
+        *left_out_line(result),
+        f"  stopped  {result.status.value}",
         *chamfer_line(result),
         *([f"  snapped  {result.snapped}"] if result.snapped else []),
         f"  written  {folder}/ {' '.join(name for name in (*OURS, *PARETO) if (folder / name).exists())}",
+        f"  look at  {folder / 'preview.png'}, or call: resfit view {shlex.quote(str(folder))}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def left_out_line(result: FitResult) -> list[str]:
+    """What of the input the assembly is known not to show; nothing where that is nothing."""
+    holes = result.metrics.get("filled_holes", 0)
+    if not holes:
+        return []
+    what = "1 through-hole of the input is" if holes == 1 else f"{holes} through-holes of the input are"
+    return [f"  left out {what} not in the result"]
 
 
 def chamfer_line(result: FitResult) -> list[str]:
