@@ -75,7 +75,8 @@ def fit_stages(
         tell(_progress("snap", fitted.outcome, SNAP_BEGINS))
         _snap(fitted, target, config, device, should_stop)
     else:
-        _standardise(fitted, target, config, device)
+        if not fitted.curve:
+            _standardise(fitted, target, config, device)
         fitted.relations = _copies(fitted)
     return fitted
 
@@ -99,19 +100,32 @@ def _cut(
 ) -> None:
     """The curve, and of it the assembly with the best objective."""
     outcome = fitted.outcome
-    fitted.curve = cut_down(outcome.rows, Judge(target, config, device), config, should_stop)
-    best = max(fitted.curve, key=lambda cut: cut.score.objective)
-    place = {old: new for new, old in enumerate(best.kept)}
-    moved = not np.array_equal(best.rows, outcome.rows[list(best.kept)])
+    judge = Judge(target, config, device)
+    cuts = cut_down(outcome.rows, judge, config, should_stop)
+    copies = [_copies_in(cut, fitted) for cut in cuts]
+    fitted.curve = []
+    for cut, tied in zip(cuts, copies, strict=True):
+        rows = standard_forms(cut.rows, judge, tied)
+        fitted.curve.append(replace(cut, rows=rows, score=judge.score(rows)))
+    number = int(np.argmax([cut.score.objective for cut in fitted.curve]))
+    best = fitted.curve[number]
     fitted.rich_names = fitted.names
     if fitted.names is not None:
         fitted.names = [fitted.names[old] for old in best.kept]
-    fitted.copies = [
+    fitted.copies = copies[number]
+    _take(fitted, best.rows, target, config, device)
+
+
+def _copies_in(cut: Cut, fitted: Fitted) -> list[Copied]:
+    """The copies that hold in an assembly of the curve: none where it was refined since."""
+    if not np.array_equal(cut.rows, fitted.outcome.rows[list(cut.kept)]):
+        return []
+    place = {old: new for new, old in enumerate(cut.kept)}
+    return [
         replace(copy, source=place[copy.source], index=place[copy.index])
         for copy in fitted.copies
-        if not moved and copy.source in place and copy.index in place
+        if copy.source in place and copy.index in place
     ]
-    _take(fitted, best.rows, target, config, device)
 
 
 def _snap(

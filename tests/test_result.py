@@ -82,7 +82,8 @@ def test_page_shows_the_input_where_it_lies(result: FitResult, mesh: trimesh.Tri
 
 
 def test_metrics_and_costs(result: FitResult) -> None:
-    wanted = {"iou", "overlap", "unoverlap", "primitive_count", "floats", "cpu_s", "wall_s", "peak_mb"}
+    wanted = {"iou", "overlap", "unoverlap", "primitive_count", "floats", "filled_holes", "cpu_s", "wall_s"}
+    wanted.add("peak_mb")
     assert set(result.metrics) == wanted
     assert result.metrics["primitive_count"] == 2
     assert result.metrics["wall_s"] > 0 and result.metrics["cpu_s"] > 0 and result.metrics["peak_mb"] > 50
