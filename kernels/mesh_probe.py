@@ -9,8 +9,17 @@ import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
 from .mesh_query import WINDING_ACCURACY, MeshQuery, winding_number
+from .mesh_rows import CROWDED, boxes_per_point
+from .points import point_blocks
+from .solid_angles import summed_winding_numbers
 
 wp.set_module_options(PLAIN_OPTIONS)
+
+MANY_ANGLES = 1_000_000
+"""Solid angles from which on it matters how they are added up: about as long as it takes to ask."""
+
+FACES_PER_BOX = 256
+"""With fewer faces than this for each box that holds a point, in the mean, the plain sum over all is faster."""
 
 UNSEEN = wp.constant(-1)
 """Answer for a point that sees the centre of none of the cells around it."""
@@ -22,6 +31,8 @@ def winding_numbers(query: MeshQuery, points: wp.array) -> wp.array:
     A whole number where the mesh closes; positive where its faces are counter-clockwise seen from outside. It
     takes 5 us near a plain surface, and 50 near a mesh of many layers.
     """
+    if len(points) * query.face_count > MANY_ANGLES and lies_across_itself(query):
+        return summed_winding_numbers(query, point_blocks(points.numpy(), query.device))
     winding = wp.empty(len(points), dtype=float, device=query.device)
     launch(
         measure_winding_kernel,
@@ -32,6 +43,12 @@ def winding_numbers(query: MeshQuery, points: wp.array) -> wp.array:
         seconds_per_thread=5e-6,
     )
     return winding
+
+
+def lies_across_itself(query: MeshQuery) -> bool:
+    """Whether so many faces are near any point that a hierarchy of them only costs time."""
+    boxes = boxes_per_point(query.vertices.numpy(), query.faces.numpy().reshape(-1, 3))
+    return boxes > max(CROWDED, query.face_count / FACES_PER_BOX)
 
 
 def look_at_cells(query: MeshQuery, points: wp.array, inside: wp.array) -> wp.array:

@@ -46,10 +46,13 @@ def is_crowded(vertices: np.ndarray, faces: np.ndarray) -> bool:
         vertices: (n, 3), normalised.
         faces: (m, 3).
     """
-    if len(faces) <= CROWDED:
-        return False
+    return len(faces) > CROWDED and boxes_per_point(vertices, faces) > CROWDED
+
+
+def boxes_per_point(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Boxes of faces (m, 3), m > 0, that hold a point of [-1, 1]^3, in the mean."""
     low, high = _boxes(vertices, faces[:: -(-len(faces) // LOOKED_AT)])
-    return float(np.prod(high - low, axis=1).mean()) * len(faces) / 8.0 > CROWDED
+    return float(np.prod(high - low, axis=1).mean()) * len(faces) / 8.0
 
 
 def measure_band(query: MeshQuery, resolution: int, reach: float) -> CellBand:

@@ -172,8 +172,19 @@ class MeshScene:
         device: wp.Device,
         smooth: bool = True,
         rays_per_pixel: int = 1,
+        occlusion: bool = True,
     ) -> None:
-        """Vertices (v, 3), faces (f, 3), an sRGB colour in [0, 1]; `rays_per_pixel` share the work for soft light."""
+        """Take a mesh.
+
+        Args:
+            vertices: (v, 3).
+            faces: (f, 3).
+            color: sRGB in [0, 1].
+            device: where to render.
+            smooth: whether to smooth normals where there is no crease.
+            rays_per_pixel: share the work for soft light.
+            occlusion: whether places with little open around them are darker.
+        """
         self.device = device
         vertices = np.ascontiguousarray(vertices, np.float32).reshape(-1, 3)
         faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
@@ -181,7 +192,8 @@ class MeshScene:
         self._mesh: wp.Mesh | None = None
         self._color = wp.vec3(*to_linear(np.array(color)).tolist())
         self._smooth = smooth
-        self._open_rays, self._light_rays = max(3, 12 // rays_per_pixel), max(2, 8 // rays_per_pixel)
+        self._open_rays = max(3, 12 // rays_per_pixel) if occlusion else 0
+        self._light_rays = max(2, 8 // rays_per_pixel)
         if len(faces):
             used = vertices[faces.ravel()]
             self.lower, self.upper = used.min(axis=0).astype(float), used.max(axis=0).astype(float)
@@ -227,6 +239,8 @@ class MeshScene:
 
     def openness(self, points: wp.array, normals: wp.array) -> wp.array:
         """Share (n,) of the surroundings that is open above points of a surface."""
+        if not self._open_rays:
+            return wp.ones(points.shape[0], dtype=float, device=self.device)
         result = wp.empty(points.shape[0], dtype=float, device=self.device)
         launch(
             open_mesh_kernel,

@@ -172,9 +172,9 @@ def render_mesh(
     check_size(width, height, samples)
     device = device or choose_device("cpu")
     crowded = is_crowded(vertices, faces)
-    # A ray through a crowd of faces costs ten times as much: there, one a pixel has to do.
+    # A ray through a crowd of faces costs ten times as much: there, one a pixel has to do, and none for what is around.
     samples, share = (1, CROWDED_SHARE) if crowded else (samples, samples * samples)
-    scene = MeshScene(vertices, faces, color, device, smooth, share)
+    scene = MeshScene(vertices, faces, color, device, smooth, share, occlusion=not crowded)
     return render(scene, camera, width, height, samples, ground)
 
 

@@ -38,6 +38,7 @@ from .primitives import FAMILIES
 from .raytrace import render_assembly, render_mesh
 from .replacement import Prices, replace_members
 from .rows import SHAPE, SHAPES, empty_rows
+from .solid_angles import summed_winding_numbers
 from .steps import Damping, advance, judge_alone, judge_together, step_state
 
 
@@ -106,6 +107,7 @@ def _warm_grids(device: wp.Device) -> None:
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
     grid = signed_distance_grid(MeshQuery(vertices, faces, device), 16)
     measure_band(MeshQuery(vertices, faces, device), 16, 0.2)
+    summed_winding_numbers(MeshQuery(vertices, faces, device), point_blocks(vertices, device))
     camera = frame_bounds(np.full(3, -1.0), np.full(3, 1.0))
     render_mesh(vertices, faces, camera, 16, 12, samples=1, device=device)
     inside = wp.array(grid.distance.numpy() < 0, dtype=wp.bool, device=device)

@@ -29,6 +29,9 @@ TRIAL_COUNT = 400
 MAX_BODIES = 3000
 """With more bodies than this, which of them may overlap is not asked: all may."""
 
+PAIRS = 1 << 15
+"""Pairs of a face and another body's box that are looked at together."""
+
 MAX_PIECES = 60_000
 """Triangles under examination at most; with more, what is covered in part is decided as it is."""
 
@@ -81,9 +84,15 @@ def _beside_others(triangles: np.ndarray, body: np.ndarray) -> np.ndarray:
     for index, members in enumerate(np.split(order, start[1:])):
         near = ((box_low <= box_high[index]) & (box_high >= box_low[index])).all(axis=1)
         near[index] = False
-        for other in np.flatnonzero(near):
-            reaches = (low[members] <= box_high[other]) & (high[members] >= box_low[other])
-            beside[members] |= reaches.all(axis=1)
+        others = np.flatnonzero(near)
+        step = max(1, PAIRS // len(members))
+        for first in range(0, len(others), step):
+            some = others[first : first + step]
+            rest = members[~beside[members]]
+            if not len(rest):
+                break
+            reaches = (low[rest, None] <= box_high[some]) & (high[rest, None] >= box_low[some])
+            beside[rest] = reaches.all(axis=2).any(axis=1)
     return beside
 
 

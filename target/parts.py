@@ -17,7 +17,7 @@ from .grid import distance_grid
 from .samples import make_samples
 from .solid_query import SolidQuery
 from .target import Target
-from .topology import Edges, connected_labels, find_edges, is_balanced, label_patches
+from .topology import connected_labels, find_edges, label_patches, label_touching, open_patches
 from .weld import face_areas
 
 RANDOM_SUFFIX = re.compile(r"_(?=[0-9a-f]{6}$)")
@@ -61,11 +61,9 @@ def split_target(target: Target) -> list[Piece]:
         winding, sheets = label_of[winding], label_of[sheets]
     pieces = _cut(target, winding, sheets)
     if by_node:
-        owner = {
-            int(part): names[int(np.bincount(node[label == part]).argmax())] for part in np.unique(label)
-        }
+        most = _most_frequent(label, node)
         taken: dict[str, int] = {}
-        return [replace(piece, name=_unique_name(owner[part], taken)) for part, piece in pieces]
+        return [replace(piece, name=_unique_name(names[most[part]], taken)) for part, piece in pieces]
     ordered = sorted(pieces, key=lambda entry: -entry[1].share)
     return [replace(piece, name=f"body_{rank:02d}") for rank, (_, piece) in enumerate(ordered, 1)]
 
@@ -145,6 +143,14 @@ def _join_nodes(body: np.ndarray, node: np.ndarray) -> np.ndarray:
     return rank[inverse]
 
 
+def _most_frequent(label: np.ndarray, node: np.ndarray) -> np.ndarray:
+    """The node that most faces of each label have, (labels,) int: the first one of equally many."""
+    pairs, count = np.unique(label * (node.max() + 1) + node, return_counts=True)
+    of_label, of_node = np.divmod(pairs, node.max() + 1)
+    order = np.lexsort((of_node, -count, of_label))
+    return of_node[order[np.searchsorted(of_label, np.arange(label.max() + 1))]]
+
+
 def _faces_by_label(target: Target, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Label of each winding face and of each sheet face of the solid, from those of the mesh's faces (m,)."""
     count = np.int64(len(target.solid.vertices) + 1)
@@ -177,28 +183,22 @@ def _join_bodies(target: Target, winding: np.ndarray, count: int) -> np.ndarray:
     origin = corners.mean(axis=(0, 1)) if len(corners) else np.zeros(3)
     a, b, c = (corners[:, k] - origin for k in range(3))
     volume = np.bincount(winding, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, count)
-    leaks = np.array([_leaks(solid.winding_faces[winding == body]) for body in range(count)])
-    links = [(body, body) for body in range(count)]
-    for body in np.flatnonzero((volume < 0.0) & ~leaks):
-        around = (low <= low[body]).all(axis=1) & (high >= high[body]).all(axis=1) & (volume > 0.0)
+    leaks = np.zeros(count, bool)
+    if len(winding):
+        # Those with rims that no cap closes.
+        open_bodies = open_patches(find_edges(solid.winding_faces), winding)
+        leaks[: len(open_bodies)] = open_bodies
+    loose, label = np.flatnonzero(leaks), np.arange(count)
+    label[loose] = loose[label_touching(low[loose], high[loose])]
+    cavities, outer = np.flatnonzero((volume < 0.0) & ~leaks), np.flatnonzero(volume > 0.0)
+    size = (high[outer] - low[outer]).prod(axis=1)
+    holders = cavities.copy()
+    for index, body in enumerate(cavities):
+        around = (low[outer] <= low[body]).all(axis=1) & (high[outer] >= high[body]).all(axis=1)
         if around.any():
-            box = np.where(around, (high - low).prod(axis=1), np.inf)
-            links.append((int(body), int(box.argmin())))
-    loose = np.flatnonzero(leaks)
-    for index, body in enumerate(loose):
-        rest = loose[index + 1 :]
-        touching = (low[rest] <= high[body]).all(axis=1) & (high[rest] >= low[body]).all(axis=1)
-        links += [(int(body), int(other)) for other in rest[touching]]
-    rows, columns = np.array(links).T
+            holders[index] = outer[np.where(around, size, np.inf).argmin()]
+    rows, columns = np.append(np.arange(count), cavities), np.append(label, holders)
     return connected_labels(rows, columns, count)
-
-
-def _leaks(faces: np.ndarray) -> bool:
-    """Whether faces (m, 3) have rims that no cap closes."""
-    if not len(faces):
-        return False
-    edges: Edges = find_edges(faces)
-    return not is_balanced(edges)
 
 
 def _cut(target: Target, winding: np.ndarray, sheets: np.ndarray) -> list[tuple[int, Piece]]:
@@ -218,14 +218,22 @@ def _cut(target: Target, winding: np.ndarray, sheets: np.ndarray) -> list[tuple[
     volume = np.abs(summed(winding, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0))
     volume += 0.5 * sheet_area * solid.thickness
     area = seen + sheet_area
+    shares = 0.5 * (area / area.sum() + volume / max(volume.sum(), 1e-300))
     pieces = []
+    labels = np.concatenate([winding, sheets])
+    order = np.argsort(labels, kind="stable")
+    starts = np.searchsorted(labels[order], np.arange(count + 1))
+    splits = starts[:-1] + np.bincount(winding, minlength=count)
+    faces = np.concatenate([solid.winding_faces, solid.sheet_faces])[order].astype(np.int64)
+    used, inverse = np.unique(labels[order, None] * len(vertices) + faces, return_inverse=True)
+    bounds = np.searchsorted(used, np.arange(count + 1) * len(vertices))
+    faces = (inverse.reshape(-1, 3) - bounds[labels[order], None]).astype(np.int32)
+    used = solid.vertices[used % len(vertices)]
     for label in np.flatnonzero(area > 1e-4 * area.sum() / max(count, 1)):
-        chosen = [solid.winding_faces[winding == label], solid.sheet_faces[sheets == label]]
-        used, inverse = np.unique(np.concatenate(chosen), return_inverse=True)
-        faces = inverse.reshape(-1, 3).astype(np.int32)
-        split = len(chosen[0])
-        share = 0.5 * float(area[label] / area.sum() + volume[label] / max(volume.sum(), 1e-300))
-        pieces.append((int(label), Piece("", solid.vertices[used], faces[:split], faces[split:], share)))
+        low, split, high = starts[label], splits[label], starts[label + 1]
+        own = used[bounds[label] : bounds[label + 1]]
+        piece = Piece("", own, faces[low:split], faces[split:high], float(shares[label]))
+        pieces.append((int(label), piece))
     return pieces
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from ..kernels.mesh_probe import look_at_cells, winding_numbers
+from ..kernels.mesh_probe import lies_across_itself, look_at_cells, winding_numbers
 from ..kernels.mesh_query import MeshQuery
 from ..kernels.mesh_sign import classify_cells
 
@@ -26,18 +26,22 @@ class WindingQuery:
         mesh: query of the faces.
         inside: (n, n, n) bool on the device: whether they wind round the cell centres of [-1, 1]^3 more than
             half a time, n = CELL_RESOLUTION.
+        crowded: whether looking at a cell takes longer than a winding number.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, device: wp.Device) -> None:
         """Settle the cells of vertices (n, 3), normalised, and faces (m, 3), m > 0."""
         self.mesh = MeshQuery(vertices, faces, device)
         self.inside = classify_cells(self.mesh, CELL_RESOLUTION)[0]
+        self.crowded = lies_across_itself(self.mesh)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Whether the faces wind round points (n, 3), normalised, more than half a time; (n,) bool."""
         points = np.ascontiguousarray(points, np.float32)
         device = self.mesh.device
         asked = wp.array(points, dtype=wp.vec3, device=device)
+        if self.crowded:
+            return winding_numbers(self.mesh, asked).numpy() > 0.5
         found = look_at_cells(self.mesh, asked, self.inside).numpy()
         unseen = found < 0
         if unseen.any():

@@ -67,6 +67,36 @@ def connected_labels(rows: np.ndarray, columns: np.ndarray, size: int) -> np.nda
     return connected_components(graph, directed=False)[1]
 
 
+def label_touching(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The first box of each group of boxes that touch one another, directly or by others; (n,) int.
+
+    Args:
+        low, high: (n, 3) corners of the boxes.
+    """
+    count = len(low)
+    order = np.argsort(low[:, 0], kind="stable")
+    low, high = low[order], high[order]
+    label = np.arange(count)
+    # Of each box those that begin along x before it ends, and are not yet known to be of its group.
+    ends = np.searchsorted(low[:, 0], high[:, 0], side="right")
+    rows, columns, held = [label], [label], 0
+    for box in range(count):
+        other = np.arange(box + 1, ends[box])
+        other = other[label[other] != label[box]]
+        touching = (low[other] <= high[box]).all(axis=1) & (high[other] >= low[box]).all(axis=1)
+        rows.append(np.full(int(touching.sum()), box))
+        columns.append(other[touching])
+        held += len(columns[-1])
+        if held > count or box == count - 1:
+            label = connected_labels(np.concatenate(rows), np.concatenate(columns), count)
+            rows, columns, held = [np.arange(count)], [np.unique(label, return_index=True)[1][label]], 0
+    first = np.full(count, count)
+    np.minimum.at(first, label, order)
+    result = np.empty(count, np.int64)
+    result[order] = first[label]
+    return result
+
+
 def _pairs(edges: Edges) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices (p,) of the two sides that meet at each edge with exactly two."""
     order = np.argsort(edges.side_edge, axis=None, kind="stable")

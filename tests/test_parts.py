@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from work import calls_of
 
 import resfit
 from resfit.fitter.config import FitConfig
@@ -21,6 +22,7 @@ from resfit.kernels.rows import BLEND, ROTATION, SHAPE, SHAPES, TRANSLATION, emp
 from resfit.target.copies import find_copies
 from resfit.target.parts import Piece, _names_of_nodes, piece_target, split_target
 from resfit.target.target import Target, make_target
+from resfit.target.topology import label_touching
 
 
 def cart() -> trimesh.Scene:
@@ -221,3 +223,44 @@ def test_regular_parts_keep_names_and_copies() -> None:
             first, second = (parts[name] for name in relation["parts"])
             assert first.parameters == second.parameters
     assert result.snapped and result.metrics["iou"] > 0.9
+
+
+def test_many_nodes_are_taken_apart_at_once(device: wp.Device) -> None:
+    count = 150
+    box = trimesh.creation.box((0.5, 0.5, 0.5))
+    scene = trimesh.Scene()
+    for index in range(count):
+        scene.add_geometry(
+            box,
+            node_name=f"box_{index}_",
+            transform=trimesh.transformations.translation_matrix((index, 0, 0)),
+        )
+    target = make_target(scene, device, 16, 200)
+    pieces: list[Piece] = []
+    calls = calls_of(lambda: pieces.extend(split_target(target)))
+    assert [piece.name for piece in pieces] == [f"box_{index}_" for index in range(count)]
+    assert all(len(piece.vertices) == 8 and len(piece.winding_faces) == 12 for piece in pieces)
+    assert calls < 40 * count
+
+
+def test_many_open_bodies_are_joined_at_once(rng: np.random.Generator, device: wp.Device) -> None:
+    count = 200
+    cup = trimesh.creation.box((0.2, 0.2, 0.2))
+    faces = cup.faces[cup.face_normals[:, 2] < 0.5]
+    vertices = (cup.vertices + rng.uniform(-1.0, 1.0, (count, 1, 3))).reshape(-1, 3)
+    mesh = trimesh.Trimesh(
+        vertices, (faces + 8 * np.arange(count)[:, None, None]).reshape(-1, 3), process=False
+    )
+    target = make_target(mesh, device, 16, 200)
+    assert calls_of(lambda: split_target(target)) < 60 * count
+
+
+@pytest.mark.parametrize("size", [0.05, 0.2, 1.5])
+def test_boxes_are_grouped_by_touching(size: float, rng: np.random.Generator) -> None:
+    low = rng.uniform(-1.0, 1.0, (120, 3))
+    high = low + rng.uniform(0.0, size, (120, 3))
+    touching = ((low[:, None] <= high) & (high[:, None] >= low)).all(axis=2)
+    expected = np.arange(120)
+    for _ in range(120):
+        expected = np.where(touching, expected, 120).min(axis=1)
+    np.testing.assert_array_equal(label_touching(low, high), expected)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resfit.target.formats.polygons import triangulate
+from resfit.target.formats.polygons import MANY_CORNERS, triangulate
 
 U = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 FORMS = {
@@ -86,3 +86,17 @@ def test_degenerate_polygons_end_in_triangles(ring: list[tuple[float, float]]) -
     with np.errstate(invalid="ignore"):
         faces, _ = triangulate(points, np.arange(len(ring)), np.array([len(ring)]))
     assert len(faces) == len(ring) - 2
+
+
+def test_of_a_polygon_of_very_many_corners_few_triangles_are_long() -> None:
+    count = 2 * MANY_CORNERS
+    angle = 2.0 * np.pi * np.arange(count) / count
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    faces, _ = triangulate(ring, np.arange(count), np.array([count]))
+    assert len(faces) == count - 2
+    np.testing.assert_allclose(area(ring, faces), ring_area(ring), atol=1e-12)
+    edges = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}
+    outline = {(k, (k + 1) % count) for k in range(count)}
+    assert {edge for edge in edges if edge[::-1] not in edges} == outline
+    sides = np.linalg.norm(ring[faces] - np.roll(ring[faces], 1, axis=1), axis=2).max(axis=1)
+    assert np.count_nonzero(sides > 0.5) < 40

@@ -12,6 +12,7 @@ import warp as wp
 from resfit.kernels.camera import Camera, camera_rays, frame_bounds
 from resfit.kernels.field import evaluate_assembly
 from resfit.kernels.isosurface import extract_isosurface, tight_bounds
+from resfit.kernels.launch import profiled
 from resfit.kernels.march import Box, march_rays
 from resfit.kernels.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
@@ -214,3 +215,14 @@ def test_framed_box_fills_the_picture(up: str, azimuth: float) -> None:
     if azimuth == 0.0:
         # A front view: x to the right, in both conventions.
         np.testing.assert_allclose(right, (1.0, 0.0, 0.0), atol=1e-12)
+
+
+def test_in_a_crowd_nobody_asks_what_is_around(rng: np.random.Generator, device: wp.Device) -> None:
+    camera = frame_bounds(np.full(3, -0.9), np.full(3, 0.9))
+    for count, asked in ((50, True), (1500, False)):
+        corners = rng.uniform(-0.9, 0.9, (3 * count, 3))
+        faces = np.arange(3 * count).reshape(-1, 3)
+        with profiled() as usage:
+            picture = render_mesh(corners, faces, camera, 24, 18, device=device)
+        assert ("open_mesh_kernel" in usage) == asked
+        assert picture.std() > 5.0

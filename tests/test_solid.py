@@ -7,8 +7,10 @@ import pytest
 import trimesh
 import warp as wp
 from trimesh import creation
+from work import calls_of
 
 from resfit.assembly.transform import Transform
+from resfit.target.boundary import OFFSET, _beside_others
 from resfit.target.grid import distance_grid
 from resfit.target.load import load_mesh
 from resfit.target.solid import SHEET_THICKNESS, decide_solid
@@ -201,3 +203,19 @@ def test_grid_agrees_with_points(device: wp.Device, resolution: int) -> None:
     np.testing.assert_allclose(found[band], exact[band], atol=1e-5)
     np.testing.assert_array_equal(found < 0.0, exact < 0.0)
     assert (np.abs(found) >= np.abs(exact) - 1e-5).all()
+
+
+def test_bodies_beside_each_other_are_found_all_at_once(rng: np.random.Generator) -> None:
+    count = 150
+    triangles = 0.4 * box(1.0).triangles + rng.uniform(-0.5, 0.5, (count, 1, 1, 3))
+    body = np.repeat(np.arange(count), 12)
+    triangles = triangles.reshape(-1, 3, 3)
+    low, high = triangles.min(axis=1) - OFFSET, triangles.max(axis=1) + OFFSET
+    box_low = np.stack([low[body == index].min(axis=0) for index in range(count)])
+    box_high = np.stack([high[body == index].max(axis=0) for index in range(count)])
+    reaches = ((low[:, None] <= box_high) & (high[:, None] >= box_low)).all(axis=2)
+    reaches[np.arange(len(body)), body] = False
+    found: list[np.ndarray] = []
+    calls = calls_of(lambda: found.append(_beside_others(triangles, body)))
+    np.testing.assert_array_equal(found[0], reaches.any(axis=1))
+    assert calls < 60 * count

@@ -10,15 +10,19 @@ import numpy.typing as npt
 REFLEX = -1e-6
 """A corner is reflex where its signed area is below this share of the polygon's: float32 rounding stays above."""
 
+MANY_CORNERS = 1000
+"""Convex polygons with more corners are halved again and again: of a fan each triangle would be as long as all."""
+
 Array = npt.NDArray[np.int64]
 
 
 def triangulate(vertices: npt.NDArray[np.float64], corners: Array, counts: Array) -> tuple[Array, Array]:
     """Triangles of planar or nearly planar polygons, which keep the polygons' orientation and order.
 
-    Triangles pass as they are. A convex polygon becomes a fan round its first corner: (0, 1, 2), (0, 2, 3), ... A
-    concave one is cut by ear clipping in the plane of its area vector (Newell's normal). Every edge of a polygon is an
-    edge of a triangle, so that a closed surface stays closed.
+    Triangles pass as they are. A convex polygon becomes a fan round its first corner, (0, 1, 2), (0, 2, 3), ..., or is
+    halved again and again if it has more than MANY_CORNERS. A concave one is cut by ear clipping in the plane of its
+    area vector (Newell's normal). Every edge of a polygon is an edge of a triangle, so that a closed surface stays
+    closed.
 
     Args:
         vertices: (n, 3), any frame.
@@ -35,8 +39,7 @@ def triangulate(vertices: npt.NDArray[np.float64], corners: Array, counts: Array
     for count in np.unique(counts[counts >= 3]):
         found = np.flatnonzero(counts == count)
         rings = corners[(ends[found] - count)[:, None] + np.arange(count)]
-        steps = np.arange(1, count - 1)
-        fans = np.stack([np.zeros_like(steps), steps, steps + 1], axis=1)
+        fans = _halves(count) if count > MANY_CORNERS else _fan(count)
         cut = np.broadcast_to(fans, (len(found), *fans.shape)).copy()
         if count > 3:
             normals, concave = _concave(vertices[rings])
@@ -48,6 +51,24 @@ def triangulate(vertices: npt.NDArray[np.float64], corners: Array, counts: Array
     owner = np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     return np.concatenate(faces)[order], owner[order]
+
+
+def _fan(count: int) -> Array:
+    """Triangles (count - 2, 3) of a convex polygon round its first corner."""
+    steps = np.arange(1, count - 1)
+    return np.stack([np.zeros_like(steps), steps, steps + 1], axis=1)
+
+
+def _halves(count: int) -> Array:
+    """Triangles (count - 2, 3) of a convex polygon: the largest over half of its corners, then those on its sides."""
+    found = []
+    start, end = np.zeros(1, np.int64), np.full(1, count - 1)
+    while len(start):
+        middle = (start + end) // 2
+        found.append(np.stack([start, middle, end], axis=1))
+        start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
+        start, end = start[end - start > 1], end[end - start > 1]
+    return np.concatenate(found)
 
 
 def _concave(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
