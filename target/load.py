@@ -159,8 +159,9 @@ def _check_arrays(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
         )
     bad = int(np.count_nonzero(~np.isfinite(vertices[faces]).all(axis=(1, 2))))
     if bad:
+        have = "has" if bad == 1 else "have"
         raise InputError(
-            f"{bad} of the {len(faces)} faces of {name} have coordinates that are not finite numbers (NaN or"
+            f"{bad} of the {len(faces)} faces of {name} {have} coordinates that are not finite numbers (NaN or"
             " infinity); repair or export the mesh again."
         )
 
