@@ -67,7 +67,7 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
     transforms.
 
     Args:
-        source: path of a file in any format that trimesh reads, or a trimesh object.
+        source: path of a mesh file, or a trimesh object.
 
     Raises:
         InputError: if it cannot be read or holds no surface.
