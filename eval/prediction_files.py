@@ -19,7 +19,9 @@ from resfit.errors import InputError
 
 from ..assembly.assembly import Assembly
 from ..assembly.transform import Transform
-from ..target.load import load_mesh
+from ..target.formats import read_mesh_file
+from ..target.formats.mesh_file import Piece
+from ..target.load import check_arrays, load_mesh
 from ..target.topology import connected_labels, find_edges, is_balanced
 from .prediction import AssemblyPrediction, Prediction, box_alignment, moved
 from .prediction_parts import PartMesh, PartsPrediction
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 FLAT = 1e-9
 """A part whose volume is a smaller share of its longest side's cube is convex only because it is flat."""
+
+NO_FACES = "holds no faces; a prediction is an assembly, or meshes of its parts."
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ def read_prediction(source: Any) -> Source:
         path = Path(source)
         if path.is_dir() or path.suffix.lower() == ".json":
             return Assembly.load(path / "assembly.json" if path.is_dir() else path)
-        return _parts_of(*_open_scene(path))
+        pieces, notes = _open_pieces(path)
+        return _parts_of(pieces, f"'{path}'", notes)
     if isinstance(source, Sequence):
         return _parts_of([(f"part {index}", mesh) for index, mesh in enumerate(source)], "the prediction")
     return _parts_of(_nodes(source, "the prediction"), "the prediction")
@@ -111,23 +116,18 @@ def own_box(source: Source, device: str) -> tuple[np.ndarray, np.ndarray] | None
     return (lower, upper) if (upper - lower).max() > 0.0 else None
 
 
-def _open_scene(path: Path) -> tuple[list[tuple[str, trimesh.Trimesh]], str]:
-    """Named meshes of a file, and what messages call it."""
-    import trimesh
-
-    suffix = path.suffix.lower().lstrip(".")
-    if not path.is_file() or suffix not in trimesh.available_formats():
+def _open_pieces(path: Path) -> tuple[list[tuple[str, Piece]], tuple[str, ...]]:
+    """Named pieces with faces of a mesh file, in the order of their names, and what was left out of it."""
+    if not path.is_file() or not path.stat().st_size:
         # Raises the sentence that fits.
         load_mesh(path)
-    options: dict[str, Any] = {"skip_materials": True} if suffix in {"glb", "gltf", "obj"} else {}
-    if suffix == "obj":
-        options |= {"split_objects": True, "group_material": False}
-    try:
-        scene = trimesh.load_scene(path, process=False, **options)
-    except Exception:
-        load_mesh(path)
-        raise
-    return _nodes(scene, f"'{path}'"), f"'{path}'"
+    file, name = read_mesh_file(path), f"'{path}'"
+    pieces = [(piece.name, piece) for piece in file.pieces if len(piece.faces)]
+    if not pieces:
+        raise InputError(f"{name} {NO_FACES}")
+    for _, piece in pieces:
+        check_arrays(piece.vertices, piece.faces, name)
+    return sorted(pieces, key=lambda named: _natural(named[0])), file.notes
 
 
 def _nodes(source: Any, name: str) -> list[tuple[str, trimesh.Trimesh]]:
@@ -141,7 +141,7 @@ def _nodes(source: Any, name: str) -> list[tuple[str, trimesh.Trimesh]]:
         if len(getattr(mesh, "faces", ())):
             found.append((str(node), mesh.copy().apply_transform(matrix)))
     if not found:
-        raise InputError(f"{name} holds no faces; a prediction is an assembly, or meshes of its parts.")
+        raise InputError(f"{name} {NO_FACES}")
     return found
 
 
@@ -154,7 +154,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
     ]
 
 
-def _parts_of(nodes: Sequence[tuple[str, Any]], name: str) -> PartFile:
+def _parts_of(nodes: Sequence[tuple[str, Any]], name: str, notes: tuple[str, ...] = ()) -> PartFile:
     pieces: list[tuple[np.ndarray, np.ndarray]] = []
     for _, mesh in nodes:
         if not hasattr(mesh, "faces"):
@@ -174,7 +174,9 @@ def _parts_of(nodes: Sequence[tuple[str, Any]], name: str) -> PartFile:
             continue
         parts.append(welded)
         floats += 3 * len(welded.vertices) + (0 if is_convex(welded) else 3 * len(welded.faces))
-    notes = (f"{flat} parts of {name} without area were left out.",) if flat else ()
+    if flat:
+        what, were = ("part", "was") if flat == 1 else ("parts", "were")
+        notes = (*notes, f"{flat} {what} of {name} without area {were} left out.")
     return PartFile(tuple(parts), floats, notes)
 
 

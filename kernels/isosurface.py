@@ -21,6 +21,9 @@ BENT_SLOPE = 2.0
 """How much steeper than a distance the field of bent forms is taken to be there."""
 MAX_ENLARGEMENTS = 6
 """Times that a grid which the surface leaves is enlarged."""
+MAX_GROWTH = 8.0
+"""Points of an enlarged grid over those of a cube of the resolution: a field of numbers that are too large for single
+precision may be negative everywhere."""
 
 
 def extract_isosurface(
@@ -52,7 +55,7 @@ def extract_isosurface(
         origin = lower - low_cells * spacing
         samples = _sample(primitives, origin, upper + high_cells * spacing, spacing)
         touched = [samples.take(side, axis).min() < 0.0 for axis in range(3) for side in (0, -1)]
-        if not any(touched) or attempt == MAX_ENLARGEMENTS:
+        if not any(touched) or attempt == MAX_ENLARGEMENTS or samples.size > MAX_GROWTH * resolution**3:
             return contour_samples(primitives, samples, origin, np.full(3, spacing))
         low_cells += np.array(touched[0::2]) * 0.25 * resolution
         high_cells += np.array(touched[1::2]) * 0.25 * resolution

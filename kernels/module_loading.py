@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import threading
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import warp as wp
 
@@ -13,6 +16,9 @@ from .forks import unforked
 
 _NOTICE_SECONDS = 0.7
 """A module that takes longer than this is worth a notice, if it is being compiled."""
+
+_LAST_BYTES = 64
+"""An object file ends in a table of its sections or their names, and so do those of GPUs: never in so many zeros."""
 
 _lock = threading.Lock()
 _loaded: set[tuple[str, str]] = set()
@@ -47,7 +53,7 @@ def load_module(module: wp.Module, device: wp.Device) -> None:
             notice.start()
             begin = time.perf_counter()
             try:
-                wp.load_module(module, device=device)
+                _load_or_compile(module, device)
             finally:
                 notice.cancel()
             with _lock:
@@ -64,9 +70,44 @@ def _notice_compiling(module: wp.Module, device: wp.Device) -> None:
         sys.stderr.flush()
 
 
+def _load_or_compile(module: wp.Module, device: wp.Device) -> None:
+    """Load a module; what a full disk or a power cut has left of it in the cache is removed and compiled again."""
+    if _ends_in_zeros(_cached_code(module, device)):
+        _remove_cached(module, device)
+    try:
+        wp.load_module(module, device=device)
+    except Exception:
+        if not is_cached(module, device):
+            raise
+        _remove_cached(module, device)
+        wp.load_module(module, device=device)
+
+
 def is_cached(module: wp.Module, device: wp.Device) -> bool:
     """Whether Warp's cache holds the machine code of a module."""
+    return _cached_code(module, device).exists()
+
+
+def _ends_in_zeros(code: Path) -> bool:
+    """Whether a file of machine code is empty, or lacks its end: Warp loads zeros as a module without kernels."""
+    with suppress(OSError), code.open("rb") as stream:
+        stream.seek(max(0, stream.seek(0, os.SEEK_END) - _LAST_BYTES))
+        return not any(stream.read())
+    return False
+
+
+def _remove_cached(module: wp.Module, device: wp.Device) -> None:
+    """Take a module out of Warp's cache; of a cache that can only be read, the link to it."""
+    folder = _cached_code(module, device).parent
+    if folder.is_symlink():
+        folder.unlink()
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _cached_code(module: wp.Module, device: wp.Device) -> Path:
+    """The file in Warp's cache for the machine code of a module."""
     block_dim = 1 if device.is_cpu else module.options["block_dim"]
-    folder = os.path.join(wp.config.kernel_cache_dir, module.get_module_identifier(block_dim))
     # The name depends on the processor, too. Warp tells it in no public way.
-    return os.path.exists(os.path.join(folder, module._get_compile_output_name(device, block_dim=block_dim)))
+    name = module._get_compile_output_name(device, block_dim=block_dim)
+    return Path(wp.config.kernel_cache_dir or "", module.get_module_identifier(block_dim), name)

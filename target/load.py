@@ -67,7 +67,7 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
     transforms.
 
     Args:
-        source: path of a file in any format that trimesh reads, or a trimesh object.
+        source: path of a mesh file, or a trimesh object.
 
     Raises:
         InputError: if it cannot be read or holds no surface.
@@ -86,7 +86,7 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
     vertices, faces, parts = _concatenate([piece for piece in file.pieces if len(piece.faces)])
     # Of a large scan each copy counts.
     del file
-    _check_arrays(vertices, faces, name)
+    check_arrays(vertices, faces, name)
     if not digest:
         digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     return _weld(vertices, faces, parts, digest, notes, name, reader)
@@ -150,7 +150,12 @@ def _concatenate(pieces: list[Piece]) -> tuple[np.ndarray, np.ndarray, list[Part
     return np.ascontiguousarray(np.concatenate(vertices)), np.ascontiguousarray(np.concatenate(faces)), parts
 
 
-def _check_arrays(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
+def check_arrays(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
+    """Refuse vertices (n, 3) and faces (m, 3), m > 0, that are no triangles in space; `name` is whose they are.
+
+    Raises:
+        InputError: if a face names a vertex that is not there, or one whose coordinates are not finite.
+    """
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise InputError(f"{name} holds no triangles in space; export it as a triangle mesh.")
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -159,8 +164,9 @@ def _check_arrays(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
         )
     bad = int(np.count_nonzero(~np.isfinite(vertices[faces]).all(axis=(1, 2))))
     if bad:
+        have = "has" if bad == 1 else "have"
         raise InputError(
-            f"{bad} of the {len(faces)} faces of {name} have coordinates that are not finite numbers (NaN or"
+            f"{bad} of the {len(faces)} faces of {name} {have} coordinates that are not finite numbers (NaN or"
             " infinity); repair or export the mesh again."
         )
 

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 import warp as wp
 
+from resfit.kernels import isosurface
 from resfit.kernels.bounds import primitive_bounds
 from resfit.kernels.cell_patches import EDGE_ENDS, ambiguous_faces, cell_patches, face_links
 from resfit.kernels.field import evaluate_assembly, evaluate_primitives
@@ -155,6 +156,23 @@ def test_too_small_bounds_are_enlarged(device: wp.Device) -> None:
     low, high = np.full(3, -0.5), np.array([0.1, 0.5, 0.5])
     mesh = checked(extract_isosurface(primitives, 32, (low, high)))
     assert mesh.volume == pytest.approx(math.pi / 6, rel=1e-2)
+
+
+def test_a_field_without_an_outside_takes_no_endless_grid(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = []
+    sample = isosurface._sample
+
+    def counted(*grid: Any) -> np.ndarray:
+        samples = sample(*grid)
+        counts.append(samples.size)
+        return samples
+
+    monkeypatch.setattr(isosurface, "_sample", counted)
+    huge = (FRUSTUM, {"size": (1e30, 1e30, 1e30), "roundness": 1.0})
+    extract_isosurface(assembly(device, huge), 32)
+    assert max(counts) < 2 * isosurface.MAX_GROWTH * 32**3
 
 
 def test_nothing_gives_nothing(device: wp.Device) -> None:

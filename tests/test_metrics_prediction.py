@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from gltf_files import GltfFile
 
 import resfit
 from resfit.assembly.assembly import Assembly
@@ -17,6 +18,8 @@ from resfit.errors import InputError
 from resfit.eval.prediction import AssemblyPrediction
 from resfit.eval.prediction_files import PartFile, read_prediction
 from resfit.eval.prediction_parts import PartMesh, PartsPrediction
+
+INPUTS = Path(__file__).parent / "data" / "field_inputs"
 
 
 def cuboid(name: str, at: tuple[float, float, float], size: tuple[float, float, float], blend: float = 0.0):
@@ -199,6 +202,23 @@ def test_nodes_may_have_any_digits_in_their_names(tmp_path: Path) -> None:
     scene.export(tmp_path / "parts.glb")
     found = read_prediction(tmp_path / "parts.glb")
     assert isinstance(found, PartFile) and len(found.parts) == 5
+
+
+def test_hostile_files_are_no_danger_here_either(tmp_path: Path) -> None:
+    # A name that is no text.
+    assert len(read_prediction(INPUTS / "glb_name_surrogate.glb").parts) == 1
+    # Indices without data, which trimesh would make gigabytes of.
+    file = GltfFile()
+    file.node(mesh=file.mesh(corners=file.bare_accessor(componentType=5125, count=10**9, type="SCALAR")))
+    with pytest.raises(InputError, match="accessor"):
+        read_prediction(file.save(tmp_path))
+    (tmp_path / "far.obj").write_text("o a\nv 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"far\.obj"):
+        read_prediction(tmp_path / "far.obj")
+    (tmp_path / "empty.glb").write_bytes(b"")
+    for path, said in ((tmp_path / "empty.glb", "empty"), (tmp_path / "gone.glb", "no file")):
+        with pytest.raises(InputError, match=said):
+            read_prediction(path)
 
 
 def test_objects_of_an_obj_are_parts_though_they_touch(tmp_path: Path) -> None:

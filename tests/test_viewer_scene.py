@@ -16,11 +16,12 @@ from resfit.kernels.camera import camera_rays, tile_counts
 from resfit.kernels.field_scene import FieldScene
 from resfit.kernels.launch import choose_device
 from resfit.kernels.march import NO_HIT
+from resfit.viewer import part_actors
 from resfit.viewer.arrangement import arrange, exploded
 from resfit.viewer.camera import OrbitCamera
 from resfit.viewer.comparison import Comparison
 from resfit.viewer.edits import EditSession
-from resfit.viewer.live_surface import PartSurfaces, joined_surface
+from resfit.viewer.live_surface import LIVE_CELLS, PART_CELLS, PartSurfaces, joined_surface, shape_key
 from resfit.viewer.scene import Scene
 from resfit.viewer.screenshot import grab
 from resfit.viewer.section import cut_face, distance_bands
@@ -126,6 +127,17 @@ def test_only_what_an_edit_touches_is_made_anew(plotter) -> None:
     edits.undo()
     scene.sync()
     assert surfaces.made == made + 2
+
+
+@pytest.mark.parametrize("fewer", [False, True])
+def test_many_parts_are_drawn_coarsely(plotter, monkeypatch: pytest.MonkeyPatch, fewer: bool) -> None:
+    whole = chain()
+    monkeypatch.setattr(part_actors, "MANY_PARTS", len(whole.primitives) - 1 + fewer)
+    scene = Scene(plotter, EditSession([whole]))
+    expected = PART_CELLS if fewer else LIVE_CELLS
+    assert {part.shape for part in scene.parts.parts.values()} == {
+        shape_key(part, expected) for part in whole.primitives
+    }
 
 
 def test_parts_keep_their_colours_and_hidden_ones_go(plotter) -> None:

@@ -28,6 +28,9 @@ from .view import View
 ACCENT = "#e0780a"
 """Edges of the part that is selected."""
 
+MANY_PARTS = 256
+"""Where there are more, each is small in the picture, and drawn as coarsely as one that is dragged."""
+
 AMBIENT = 0.3
 BESIDE_RESIDUAL = 0.14
 """Opacity of the parts while what is left over is shown."""
@@ -81,12 +84,14 @@ class PartActors:
             live: whether something is being dragged: new surfaces are coarse then.
         """
         present: set[PartRef] = set()
+        count = sum(len(placed.assembly.primitives) for placed in arrangement.placed)
+        cells = LIVE_CELLS if count > MANY_PARTS else self.cells
         for placed in arrangement.placed:
             self._sync_joined(placed, view, live)
             for part in placed.assembly.primitives:
                 ref = PartRef(placed.item, part.name)
                 present.add(ref)
-                self._sync_part(ref, part, placed.matrix, view, ref == selected, live)
+                self._sync_part(ref, part, placed.matrix, view, ref == selected, cells, live)
         for ref in set(self.parts) - present:
             gone = self.parts.pop(ref)
             self.plotter.remove_actor([gone.body, gone.edges], render=False)
@@ -126,9 +131,17 @@ class PartActors:
         return [*actors, self.joined[item].body] if item in self.joined else actors
 
     def _sync_part(
-        self, ref: PartRef, part: Primitive, matrix: np.ndarray, view: View, selected: bool, live: bool
+        self,
+        ref: PartRef,
+        part: Primitive,
+        matrix: np.ndarray,
+        view: View,
+        selected: bool,
+        cells: int,
+        live: bool,
     ) -> None:
-        cells = LIVE_CELLS if live and not self.surfaces.has(part, self.cells) else self.cells
+        if live and not self.surfaces.has(part, cells):
+            cells = LIVE_CELLS
         shape = shape_key(part, cells)
         if ref not in self.parts:
             self.parts[ref] = self._make_part()

@@ -76,7 +76,7 @@ def fit(
     """Fit an assembly of primitives to a mesh.
 
     Args:
-        mesh_or_path: a path in any format that trimesh reads, or a trimesh object.
+        mesh_or_path: path of a mesh file, or a trimesh object.
         config: all options; those of `preset` unless given.
         on_progress: called at the beginning of each stage.
         preset: fast, balanced (unless told otherwise) or best.
