@@ -38,6 +38,25 @@ def test_export(assembly_path: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().out == ""
 
 
+def test_the_folder_of_a_fit_stands_for_its_assembly(assembly_path: Path, tmp_path: Path) -> None:
+    assembly_path.rename(tmp_path / "assembly.json")
+    assert resfit.cli.main(["export", str(tmp_path), str(tmp_path / "box.obj"), "--resolution", "8"]) == 0
+    assert (tmp_path / "box.obj").stat().st_size > 100
+
+
+@pytest.mark.parametrize("command", [["view", "MESH"], ["export", "MESH", "DIR/a.glb"]])
+def test_a_mesh_in_the_place_of_an_assembly(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my chair.obj").write_text("v 0 0 0\n")
+    assert resfit.cli.main([text.replace("MESH", "my chair.obj") for text in command]) == 2
+    assert complaint(capsys) == (
+        "'my chair.obj' is a mesh, not an assembly; call resfit fit 'my chair.obj' first, and then give"
+        " 'my chair.resfit'."
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -47,7 +66,7 @@ def test_export(assembly_path: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         (["export", "BOX", "a.xyz"], "must end in one of"),
         (["export", "BOX", "missing/a.glb"], "there is no folder"),
         (["export", "missing.json", "DIR/a.glb"], "No such file"),
-        (["export", "DIR", "DIR/a.glb"], "is a folder"),
+        (["export", "DIR", "DIR/a.glb"], "holds no assembly.json"),
         (["export", "BOX", "DIR/a.glb", "--resolution", "many"], "unable to convert"),
         (["export", "BOX", "DIR/a.glb", "--resolution", "-1"], "resolution is -1"),
         (["export", "BOX", "DIR/a.glb", "--device", "tpu"], "device 'tpu' is not available"),
