@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -87,6 +88,52 @@ def test_usage_errors(
     assert resfit.cli.main(arguments) == 2
     assert part in complaint(capsys)
     assert list(tmp_path.iterdir()) == [assembly_path]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "command"),
+    [
+        (["exprt"], "resfit"),
+        (["fit"], "resfit fit"),
+        (["fit", "a.glb", "--nonsense"], "resfit fit"),
+        (["fit", "a.glb", "--preset", "slow"], "resfit fit"),
+        (["bench", "nonsense"], "resfit bench"),
+    ],
+)
+def test_usage_errors_name_the_help_of_the_command(
+    arguments: list[str], command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert resfit.cli.main(arguments) == 2
+    assert complaint(capsys).endswith(f" See {command} --help.")
+
+
+def test_help_and_version_by_other_names(capsys: pytest.CaptureFixture[str]) -> None:
+    for other, usual in (("help", "--help"), ("help fit", "fit --help"), ("-V", "--version")):
+        assert resfit.cli.main(other.split()) == resfit.cli.main(usual.split()) == 0
+        text = capsys.readouterr().out
+        assert text and text[: len(text) // 2] == text[len(text) // 2 :]
+    assert resfit.cli.main(["help", "nonsense"]) == 2
+    assert complaint(capsys) == "there is no command nonsense; resfit help lists all."
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_commands_and_options(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert resfit.cli.main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(word in script for word in ("resfit", "gallery", "max-primitives", "balanced"))
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert resfit.cli.main(["completion", "bash"]) == 0
+    script = tmp_path / "resfit.bash"
+    script.write_text(capsys.readouterr().out)
+    code = (
+        f"source {script}; COMP_WORDS=(resfit fit --preset b); COMP_CWORD=3; _resfit; echo ${{COMPREPLY[@]}};"
+        "COMP_WORDS=(resfit gal); COMP_CWORD=1; _resfit; echo ${COMPREPLY[@]}"
+    )
+    done = subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["balanced", "best", "gallery"]
 
 
 def test_invalid_assemblies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

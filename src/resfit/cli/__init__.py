@@ -35,18 +35,21 @@ def build_app(everything: bool = False) -> App:
     import resfit
     from resfit.cli.bench import bench
     from resfit.cli.compare import compare
+    from resfit.cli.completion import completion
     from resfit.cli.demo import demo
     from resfit.cli.doctor import doctor
     from resfit.cli.eval import evaluate
     from resfit.cli.export import export
     from resfit.cli.fit import MORE, fit
     from resfit.cli.gallery import gallery
+    from resfit.cli.help import show_help
     from resfit.cli.view import view
 
     app = App(
         name="resfit",
         help="Turn any 3D mesh into a compact, editable assembly of analytic primitives.",
         version=lambda: resfit.__version__,
+        version_flags=("--version", "-V"),
         suppress_keyboard_interrupt=False,
     )
     # Groups are frozen, and whether one is shown cannot be told to the application.
@@ -60,6 +63,8 @@ def build_app(everything: bool = False) -> App:
     app.command(doctor)
     app.command(demo)
     app.command(gallery)
+    app.command(completion)
+    app.command(show_help, name="help")
     return app
 
 
@@ -110,5 +115,6 @@ def _run(arguments: list[str]) -> int:
             app = build_app(everything)
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        raise InputError(f"{error} See resfit --help.") from error
+        command = " ".join(["resfit", *(error.command_chain or ())])
+        raise InputError(f"{error} See {command} --help.") from error
     return code if isinstance(code, int) else 0
