@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -14,6 +18,10 @@ import resfit.cli
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.cli import checks
+from resfit.extras import command_for, requirements
+
+PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+EXTRAS: dict[str, list[str]] = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
 
 
 @pytest.fixture
@@ -193,9 +201,31 @@ def test_doctor_json_is_nothing_but_json(capsys: pytest.CaptureFixture[str]) -> 
     report = json.loads(capsys.readouterr().out)
     assert report["ok"] is True
     found = {check["name"]: check for check in report["checks"]}
-    for name in ("python", "resfit", "devices", "kernels"):
+    for name in ("python", "packages", "devices", "kernel cache", "kernels"):
         assert found[name]["ok"] and found[name]["core"]
     assert all(check["fix"] for check in report["checks"] if not check["ok"] and not check["core"])
+    # What there is to install is what pyproject.toml offers, and nothing else.
+    assert set(checks.PURPOSES) == set(EXTRAS) and set(EXTRAS) < set(found)
+
+
+@pytest.mark.usefixtures("no_children")
+def test_doctor_says_how_to_get_an_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(checks, "version", absent)
+    assert resfit.cli.main(["doctor", "--device", "cpu"]) == 1
+    text = capsys.readouterr().out
+    assert "FAIL  packages" in text and "make install" in text
+    for extra, wanted in EXTRAS.items():
+        assert requirements(extra) == {re.split(r"\W?[<>=]", line)[0]: line for line in wanted}
+        command = command_for(extra)
+        assert f"({command})" in text
+        assert shlex.split(command)[1:] == ["-m", "pip", "install", *wanted]
+    assert "usd" not in text and "mujoco" not in text and "ray " not in text.replace("ray tracer", "")
+
+
+def absent(package: str) -> str:
+    raise PackageNotFoundError(package)
 
 
 @pytest.mark.usefixtures("no_children")
