@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 import trimesh
 from cyclopts import MissingArgumentError
+from viewer_scenes import need_drawing
 
 import resfit.cli
 
@@ -116,6 +117,8 @@ def files_below(folder: Path) -> dict[Path, int]:
 def test_commands_run(line: str, place: Path) -> None:
     if ".mp4" in line and find_spec("imageio_ffmpeg") is None:
         pytest.skip("imageio-ffmpeg (extra video) is not installed")
+    if line.startswith("resfit view"):
+        need_drawing()
     before = files_below(place)
     done = run(line, place)
     assert done.returncode == 0, done.stderr
