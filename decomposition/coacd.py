@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from resfit.errors import InputError
+from resfit.extras import command_for
 
 from .region import Region, region_from_mask, without_duplicates
 from .residual import find_residual
@@ -60,7 +61,8 @@ def _convex_pieces(depth: np.ndarray, seed: int) -> list[np.ndarray]:
         import coacd
     except ImportError as error:
         raise InputError(
-            "--decompose coacd needs the package coacd, which is not installed; pip install 'resfit[compare]'."
+            "--decompose coacd needs the package coacd, which is not installed; call"
+            f" {command_for('compare')} to get it."
         ) from error
     from skimage.measure import marching_cubes
 

@@ -1,6 +1,6 @@
 """A desk lamp of twelve hand-written primitives: loaded, measured, exported and rendered.
 
-    python examples/hand_written.py [FOLDER]
+    .venv/bin/python examples/hand_written.py [FOLDER]
 
 Writes desk_lamp.glb, with one named object a part, and desk_lamp.png.
 """

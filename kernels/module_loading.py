@@ -64,8 +64,12 @@ def load_module(module: wp.Module, device: wp.Device) -> None:
 def _notice_compiling(module: wp.Module, device: wp.Device) -> None:
     """Say that kernels are being compiled, once; on a busy machine loading compiled ones takes as long."""
     global _noticed
-    if not _noticed and not is_cached(module, device):
-        _noticed = True
+    if _noticed or is_cached(module, device):
+        return
+    with _lock:
+        # Several modules are compiled at once, and take equally long to be noticed.
+        first, _noticed = not _noticed, True
+    if first:
         sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
         sys.stderr.flush()
 

@@ -19,6 +19,7 @@ from resfit.errors import InputError
 from .formats import read_mesh_file
 from .formats.mesh_file import MeshFile, Piece
 from .formats.trimesh_object import from_object
+from .mesh_path import check_mesh_path
 from .reader import MeshReader
 from .specks import find_specks
 from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices
@@ -93,17 +94,8 @@ def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> 
 
 
 def _hash_file(path: Path) -> str:
+    check_mesh_path(path)
     try:
-        if path.is_dir():
-            raise InputError(f"'{path}' is a folder, not a mesh file; give the path of one file in it.")
-        if not path.exists():
-            raise InputError(f"there is no file '{path}'; check the path.")
-        if not path.is_file():
-            raise InputError(
-                f"'{path}' is a pipe or device, not a regular file; write the mesh to a file first."
-            )
-        if path.stat().st_size == 0:
-            raise InputError(f"'{path}' is empty (0 bytes); export or download it again.")
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:

@@ -47,5 +47,7 @@ def test_a_missing_package_is_named(monkeypatch):
         return imported(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(InputError, match=r"coacd.*not installed; pip install 'resfit\[compare\]'"):
+    with pytest.raises(
+        InputError, match=r"coacd.*not installed; call .* -m pip install 'coacd>=.*to get it\.$"
+    ):
         propose_convex_regions(l_shape())

@@ -383,7 +383,7 @@ def test_draco_that_has_uncompressed_data_too_needs_no_decoder(
     file.json["meshes"][0]["primitives"][0]["extensions"] = {"KHR_draco_mesh_compression": extension}
     assert volume(read_mesh_file(file.save(tmp_path))) == pytest.approx(1)
     with pytest.raises(
-        InputError, match=r"uses Draco compression; pip install 'resfit\[gltf\]', or export it"
+        InputError, match=r"uses Draco compression; call .* -m pip install 'DracoPy>=2' first, or export it"
     ):
         read_mesh_file(INPUTS / "glb_draco_mixed.glb")
 

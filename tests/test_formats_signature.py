@@ -130,7 +130,7 @@ def test_gltf_is_read(tmp_path: Path) -> None:
 
 
 def test_the_help_names_the_formats_that_are_read() -> None:
-    line = next(line for line in (fit.__doc__ or "").splitlines() if line.strip().startswith("mesh:"))
+    line = next(line for line in (fit.__doc__ or "").splitlines() if line.strip().startswith("meshes:"))
     named = re.findall(r"\.(\w+)", line)
     assert sorted(named) == sorted(READERS)
     assert not set(READERS) & set(FOREIGN)

@@ -63,7 +63,7 @@ def test_modules_keep_the_contract(module: str) -> None:
 def test_result_lies_in_the_frame_of_the_input(name: str, mesh_path: Path, tmp_path: Path) -> None:
     method = METHODS[name]
     if method.package and importlib.util.find_spec(method.package) is None:
-        pytest.skip(f"{method.package} is not installed: pip install resfit[compare]")
+        pytest.skip(f"{method.package} is not installed (extra compare)")
     options = {"resolution": 64} if method.module == "marching_primitives" else {}
     path = method.run(mesh_path, tmp_path / "out", options)
     assert path.parent == tmp_path / "out" and path.name in ("assembly.json", "parts.glb")
@@ -83,7 +83,7 @@ def test_missing_package_is_one_sentence(
         monkeypatch.setitem(sys.modules, package, None)
         assert command.main([name, str(mesh_path), str(tmp_path)]) == 2
         out, err = capfd.readouterr()
-        assert out == "" and err.count("\n") == 1 and "pip install resfit[compare]" in err
+        assert out == "" and err.count("\n") == 1 and "-m pip install 'coacd>=" in err
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_mp4_without_its_package_names_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert film(tmp_path / "film.mp4") == 2
-    assert "pip install 'resfit[video]'" in capsys.readouterr().err
+    assert "-m pip install 'imageio-ffmpeg>=" in capsys.readouterr().err
 
 
 def test_nothing_half_written_stays(tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def test_without_the_extra_a_sentence(tmp_path: Path) -> None:
     hide += "u.find_spec = lambda name, *more: None if name.startswith('trame') else find(name, *more)"
     code, output, complaint = run("view", str(tmp_path), "--web", code=hide)
     assert (code, output) == (2, "")
-    assert "pip install 'resfit[web]'" in complaint and complaint.count("\n") == 1
+    assert "-m pip install 'trame-pyvista>=" in complaint and complaint.count("\n") == 1
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from resfit.errors import InputError
+from resfit.extras import command_for
 
 from ..assembly.atomic_write import replacing
 from .screenshot import check_size
@@ -128,6 +129,6 @@ def _ffmpeg() -> Any:
         import imageio_ffmpeg
     except ImportError:
         raise InputError(
-            "MP4 needs the package imageio-ffmpeg; install it with pip install 'resfit[video]', or write a .gif."
+            f"MP4 needs a package that is not installed; call {command_for('video')} to get it, or write a .gif."
         ) from None
     return imageio_ffmpeg

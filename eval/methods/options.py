@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from resfit.errors import InputError
+from resfit.extras import command_for
 
 
 def read_options(options: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,5 +62,5 @@ def optional_package(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError as error:
         raise InputError(
-            f"the package {name} is not installed; install it by: pip install resfit[compare]"
+            f"the package {name} is not installed; call {command_for('compare')} to get it."
         ) from error

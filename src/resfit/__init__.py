@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from resfit.loading import without_collector
 
 if TYPE_CHECKING:
+    from resfit import viewer
     from resfit.api import evaluate, export, fit
     from resfit.assembly.assembly import Assembly
     from resfit.assembly.primitive import Pose, Primitive
@@ -33,6 +34,7 @@ __all__ = [
     "evaluate",
     "export",
     "fit",
+    "viewer",
 ]
 
 _HOMES = {
@@ -54,6 +56,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("resfit")
+    if name == "viewer":
+        return import_module("resfit.viewer")
     if name not in _HOMES:
         raise AttributeError(f"module 'resfit' has no attribute '{name}'")
     with without_collector():

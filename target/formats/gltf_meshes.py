@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from resfit.errors import InputError
+from resfit.extras import command_for
 
 from .gltf_accessors import Accessors, Floats
 from .gltf_buffers import DRACO, Document
@@ -185,7 +186,7 @@ class Meshes:
             import DracoPy
         except ImportError:
             raise InputError(
-                f"'{record.path}' uses Draco compression; pip install 'resfit[gltf]', or export it without."
+                f"'{record.path}' uses Draco compression; call {command_for('gltf')} first, or export it without."
             ) from None
         data, _ = self.document.view(packed.integer("bufferView", high=len(self.document.view_records) - 1))
         names = packed.record("attributes")

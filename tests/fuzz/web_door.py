@@ -223,7 +223,7 @@ def attempt(case: Case, folder: Path) -> None:
 def unavailable() -> str:
     """What is missing here."""
     missing = [name for name in ("trame", "aiohttp", "msgpack", "wslink") if not find_spec(name)]
-    return f"{missing[0]} is not installed (resfit[web])" if missing else ""
+    return f"{missing[0]} is not installed (extra web)" if missing else ""
 
 
 CAMPAIGN = Campaign("web-door", cases, attempt, hang_s=60.0, unavailable=unavailable)

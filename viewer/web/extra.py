@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from resfit.errors import InputError
+from resfit.extras import command_for
 
 PACKAGES = ("trame", "trame_vuetify", "trame_rca", "aiohttp")
 """What is imported of the extra: trame-pyvista brings all but the second."""
@@ -18,5 +19,5 @@ def require_web() -> None:
     """
     if not all(find_spec(name) for name in PACKAGES):
         raise InputError(
-            "the page needs packages that are not installed; get them with pip install 'resfit[web]'."
+            f"the page needs packages that are not installed; call {command_for('web')} to get them."
         )

@@ -1,7 +1,7 @@
 """The command line: one file a command.
 
 Exit codes: 0 the result is there; 1 a defect of ours (one sentence, and where the log is); 2 usage or unreadable input
-(one sentence, nothing written); 3 some shapes of a comparison failed; 4 stopped early, the best so far written if there
+(one sentence, nothing written); 3 some of several inputs failed; 4 stopped early, the best so far written if there
 was one. Modules of commands import nothing heavy, so that `--help` is quick.
 """
 
@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
-import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
-from resfit.cli.terminal import flush, guard_streams, loss, tell
-from resfit.errors import InputError, ResfitError
+from resfit.cli.failures import STOPPED, UNUSABLE, answered, complain
+from resfit.cli.terminal import flush, guard_streams, loss
+from resfit.errors import InputError
 from resfit.loading import own_process, without_collector
 
 if TYPE_CHECKING:
     from cyclopts import App
-
-DEFECT, UNUSABLE, STOPPED = 1, 2, 4
 
 HELP_ALL = "--help-all"
 """Like --help, with the options that few people need."""
@@ -38,18 +35,21 @@ def build_app(everything: bool = False) -> App:
     import resfit
     from resfit.cli.bench import bench
     from resfit.cli.compare import compare
+    from resfit.cli.completion import completion
     from resfit.cli.demo import demo
     from resfit.cli.doctor import doctor
     from resfit.cli.eval import evaluate
     from resfit.cli.export import export
     from resfit.cli.fit import MORE, fit
     from resfit.cli.gallery import gallery
+    from resfit.cli.help import show_help
     from resfit.cli.view import view
 
     app = App(
         name="resfit",
         help="Turn any 3D mesh into a compact, editable assembly of analytic primitives.",
         version=lambda: resfit.__version__,
+        version_flags=("--version", "-V"),
         suppress_keyboard_interrupt=False,
     )
     # Groups are frozen, and whether one is shown cannot be told to the application.
@@ -63,6 +63,8 @@ def build_app(everything: bool = False) -> App:
     app.command(doctor)
     app.command(demo)
     app.command(gallery)
+    app.command(completion)
+    app.command(show_help, name="help")
     return app
 
 
@@ -73,18 +75,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process.
     """
     try:
-        code = _run(sys.argv[1:] if arguments is None else list(arguments))
-        lost = loss() if code == 0 else ""
-        return _complain(lost, UNUSABLE) if lost else code
-    except ResfitError as error:
-        return _complain(str(error), error.exit_code)
+        return answered(lambda: _checked(sys.argv[1:] if arguments is None else list(arguments)))
     except KeyboardInterrupt:
-        return _complain("stopped.", STOPPED)
-    except MemoryError:
-        return _complain("there is not enough memory for this here; free some, or raise its limit.", UNUSABLE)
-    except Exception as error:
-        sentence = f"this is a defect of resfit ({type(error).__name__}): {error}; the log is {_write_log()}"
-        return _complain(sentence, DEFECT)
+        return complain("stopped.", STOPPED)
 
 
 def command() -> NoReturn:
@@ -104,6 +97,13 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
+def _checked(arguments: list[str]) -> int:
+    """The exit code; a result that was to be printed and was lost is an error."""
+    code = _run(arguments)
+    lost = loss() if code == 0 else ""
+    return complain(lost, UNUSABLE) if lost else code
+
+
 def _run(arguments: list[str]) -> int:
     with without_collector():
         from cyclopts import CycloptsError
@@ -115,22 +115,6 @@ def _run(arguments: list[str]) -> int:
             app = build_app(everything)
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        raise InputError(f"{error} See resfit --help.") from error
+        command = " ".join(["resfit", *(error.command_chain or ())])
+        raise InputError(f"{error} See {command} --help.") from error
     return code if isinstance(code, int) else 0
-
-
-def _complain(sentence: str, code: int) -> int:
-    """One line on stderr, whatever the message was made of."""
-    tell("resfit: " + " ".join(sentence.split()))
-    return code
-
-
-def _write_log() -> str:
-    """Write the traceback of the current exception to a new file and return its path."""
-    try:
-        descriptor, path = tempfile.mkstemp(prefix="resfit-", suffix=".log")
-        with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as stream:
-            stream.write(f"resfit {' '.join(sys.argv[1:])}\npython {sys.version}\n\n{traceback.format_exc()}")
-        return path
-    except OSError:
-        return "lost, because no temporary file can be written"

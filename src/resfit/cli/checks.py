@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 from resfit.errors import ResfitError
+from resfit.extras import command_for, requirements, run_command
 from resfit.viewer.probe import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
 
 CHILD_SECONDS = SECONDS
@@ -35,15 +37,15 @@ class Check:
         return asdict(self)
 
 
-OPTIONAL = (
-    # package, what for, how to get it
-    ("coacd", "compare with CoACD", "pip install coacd"),
-    ("mujoco", "check exported physics models", "pip install mujoco"),
-    ("usd-core", "export USD", "pip install usd-core"),
-    ("build123d", "export STEP", "pip install build123d"),
-    ("trame", "view in a browser", "pip install trame trame-vtk"),
-    ("ray", "batches on a cluster", "pip install ray"),
-)
+PURPOSES = {
+    "gltf": "GLB and glTF files with Draco compression",
+    "video": "films as MP4",
+    "web": "resfit view --web",
+    "compare": "resfit compare with CoACD and V-HACD, --decompose coacd",
+    "browser": "tests of pages, in a headless Chromium",
+    "test": "tests, lint and type checks",
+}
+"""What each extra of pyproject.toml is for."""
 
 CHROMIUM_PROBE = """
 import shutil
@@ -65,19 +67,21 @@ def run_checks(device: str, warm: bool) -> list[Check]:
     """
     core: list[tuple[str, Callable[[], str], str]] = [
         ("python", lambda: f"{platform.python_version()} on {platform.system()} {platform.machine()}", ""),
-        ("resfit", _packages, "pip install resfit"),
+        ("packages", _packages, "in the checkout: make install"),
         ("devices", lambda: _devices(device), "use --device cpu"),
-        ("kernels", lambda: _kernels(device), "pip install --force-reinstall warp-lang"),
+        ("kernel cache", _kernel_cache, "set WARP_CACHE_PATH to a folder that can be written"),
+        (
+            "kernels",
+            lambda: _kernels(device),
+            run_command("-m", "pip", "install", "--force-reinstall", "warp-lang"),
+        ),
     ]
     if warm:
         core.append(("warm", lambda: _warm(device), ""))
     checks = [_tried(name, probe, fix, core=True) for name, probe, fix in core]
     checks.append(_tried("ray tracer", lambda: _ray_tracer(device), "try --device cpu"))
-    checks.append(_tried("pyvista", _pyvista, f"on Linux: install {PACKAGES}"))
-    browser = "pip install playwright && playwright install --with-deps chromium"
-    checks.append(_tried("chromium", lambda: _child(CHROMIUM_PROBE), browser))
-    for package, purpose, fix in OPTIONAL:
-        checks.append(_optional(package, purpose, fix))
+    checks.append(_tried("OpenGL", _opengl, f"for windows and films, on Linux: install {PACKAGES}"))
+    checks += [_extra(name, purpose) for name, purpose in PURPOSES.items()]
     return checks
 
 
@@ -91,16 +95,53 @@ def _tried(name: str, probe: Callable[[], str], fix: str, core: bool = False) ->
         return Check(name, False, reason[:200], fix, core)
 
 
-def _optional(package: str, purpose: str, fix: str) -> Check:
-    try:
-        return Check(package, True, f"{version(package)}, {purpose}", fix)
-    except PackageNotFoundError:
-        return Check(package, False, f"not installed, {purpose}", fix)
+def _extra(name: str, purpose: str) -> Check:
+    """Whether the packages of an extra are there; of the one for pages, whether its browser starts too."""
+    wanted = requirements(name)
+    missing = _missing(wanted)
+    if missing:
+        return Check(name, False, f"{purpose}: {', '.join(missing)} not installed", command_for(name))
+    there = f"{purpose}: {', '.join(f'{package} {version(package)}' for package in wanted)}"
+    if name != "browser":
+        return Check(name, True, there)
+    tried = _tried(
+        name, lambda: _child(CHROMIUM_PROBE), run_command("-m", "playwright", "install", "chromium")
+    )
+    return replace(tried, detail=f"{there}, {tried.detail}")
+
+
+def _missing(packages: Iterable[str]) -> list[str]:
+    """Those that are not installed."""
+    missing = []
+    for package in packages:
+        try:
+            version(package)
+        except PackageNotFoundError:
+            missing.append(package)
+    return missing
 
 
 def _packages() -> str:
+    """Versions of what fitting rests on.
+
+    Raises:
+        RuntimeError: if anything that resfit requires is missing.
+    """
+    missing = _missing(requirements())
+    if missing:
+        raise RuntimeError(f"{', '.join(missing)} not installed")
     names = ("resfit", "warp-lang", "numpy", "scipy", "trimesh")
     return ", ".join(f"{name} {version(name)}" for name in names)
+
+
+def _kernel_cache() -> str:
+    import warp as wp
+
+    from resfit.kernels.launch import start
+
+    start()
+    folder = Path(wp.config.kernel_cache_dir or "")
+    return f"{sum(1 for _ in folder.glob('wp_*'))} compiled modules in {folder}"
 
 
 def _devices(device: str) -> str:
@@ -153,7 +194,7 @@ def _box() -> Any:
     return Assembly((Primitive("cuboid", "box", Pose(), {"size": (1.0, 1.0, 1.0)}),))
 
 
-def _pyvista() -> str:
+def _opengl() -> str:
     probe = probe_rendering()
     if not probe.works:
         raise RuntimeError(probe.detail)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from resfit.cli.inputs import assembly_file
 from resfit.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def export(
     """Write an assembly in other formats, chosen by suffix: .glb .obj .ply .stl .html.
 
     Args:
-        assembly: the assembly.json to read.
+        assembly: the assembly.json to read, or the folder of a fit.
         outputs: the files to write.
         merged: one surface of the smooth union (PLY and STL unless told otherwise), or one object a part.
         top: only so many parts, the most worthwhile: by the gains in the report.json beside the assembly, or else by
@@ -39,6 +40,7 @@ def export(
     """
     if not outputs:
         raise InputError("resfit export needs at least one file to write, such as chair.glb.")
+    assembly = assembly_file(assembly)
     from resfit.assembly.assembly import Assembly
     from resfit.export.by_suffix import PAGES, check_path, export_assembly
 

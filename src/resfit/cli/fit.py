@@ -1,4 +1,4 @@
-"""`resfit fit`: a mesh as an assembly of primitives, in a folder."""
+"""`resfit fit`: meshes as assemblies of primitives, each in a folder."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from resfit.cli.browser import open_in_browser
+from resfit.cli.failures import STOPPED
+from resfit.cli.inputs import check_mesh
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.terminal import summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
+from resfit.errors import InputError
 from resfit.folder import OURS, PARETO, check_folder, default_folder, holds_fit
 from resfit.target.reader import reading
 
@@ -20,16 +24,12 @@ if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
     from resfit.result import FitResult
 
-STOPPED = 4
-
 MORE = Group("More options", show=False)
 """Shown by --help-all only."""
 
 
 def fit(
-    mesh: Path,
-    /,
-    *,
+    *meshes: Annotated[Path, Parameter(required=True)],
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
     preset: Literal["fast", "balanced", "best"] = "balanced",
     device: str = "auto",
@@ -50,15 +50,20 @@ def fit(
     pareto: Annotated[bool, Parameter(negative="")] = False,
     per_part: Annotated[bool | None, Parameter(negative="--whole")] = None,
     view: Annotated[bool, Parameter(negative="")] = False,
+    open_page: Annotated[bool, Parameter(name="--open", negative="")] = False,
+    quiet: Annotated[bool, Parameter(name=("--quiet", "-q"), negative="")] = False,
     progress: Annotated[ProgressMode, Parameter(group=MORE)] = "auto",
 ) -> int:
-    """Fit an assembly of primitives to a mesh, and write it to a folder.
+    """Fit an assembly of primitives to each mesh, and write it to a folder.
 
-    Ctrl-C keeps the best so far, if the mesh is read by then; a second one aborts. More options: resfit fit --help-all.
+    Ctrl-C keeps the best so far, if the mesh is read by then, and begins no other mesh; a second one aborts. More
+    options: resfit fit --help-all.
 
     Args:
-        mesh: a mesh: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2.
-        output: folder to write; STEM.resfit in the current folder unless given. It may hold an earlier fit.
+        meshes: .glb .gltf .obj .ply .stl .off .3mf, or one of them packed: .zip .tar .gz .tgz .bz2 .tbz2. Several are
+            fitted one after the other.
+        output: folder to write, which may hold an earlier fit; STEM.resfit in the current folder unless given. Of
+            several meshes: the folder that these come to lie in.
         preset: how much work to spend.
         device: auto (the CPU), cpu or cuda:0.
         seed: of all random choices.
@@ -81,6 +86,8 @@ def fit(
         per_part: fit the mesh's nodes, or else its bodies, one by one and keep their names; --whole never does; unless
             given, that is done where it pays.
         view: open a window that shows the fit as it happens; closing it does not stop the fit.
+        open_page: open the fit's viewer.html in a browser afterwards.
+        quiet: no summary and no bar; errors are told.
         progress: a bar if stderr is a terminal (auto), one JSON object a line on stderr (json), or none.
     """
     options = {
@@ -103,11 +110,28 @@ def fit(
         "pareto": pareto or None,
         "per_part": None if per_part is None else ("on" if per_part else "off"),
     }
-    return run_fit(mesh, output or default_folder(mesh), progress, options, view)
+    if tolerance is not None and not tolerance > 0.0:
+        raise InputError(f"--tolerance {tolerance:g} is out of range; it must be above 0.")
+    mode = "none" if quiet and progress == "auto" else progress
+    if len(meshes) == 1:
+        folder = output or default_folder(meshes[0])
+        return run_fit(meshes[0], folder, mode, options, view, open_page, quiet)
+    for name, given in {"--init": init, "--view": view, "--open": open_page}.items():
+        if given:
+            raise InputError(f"{name} goes with one mesh only, and {len(meshes)} are given.")
+    from resfit.cli.several import fit_each
+
+    return fit_each(meshes, output, mode, options, quiet)
 
 
 def run_fit(
-    mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any], view: bool = False
+    mesh: Path,
+    folder: Path,
+    progress: ProgressMode,
+    options: dict[str, Any],
+    view: bool = False,
+    open_page: bool = False,
+    quiet: bool = False,
 ) -> int:
     """Fit, write and sum up; returns the exit code.
 
@@ -117,27 +141,47 @@ def run_fit(
         progress: how to show it.
         options: keywords of `resfit.api.fit`.
         view: whether to show it in a window, which then stays open with the result.
+        open_page: whether to open its page in a browser afterwards.
+        quiet: whether to leave out the summary.
 
     Raises:
         InputError: before the work begins, if the mesh, an option or the folder cannot be used.
         DisplayError: before the work begins, if there is no screen for the window.
     """
     init = options.get("init")
-    inputs = [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
-    check_folder(folder, inputs)
+    check_mesh(mesh)
+    check_folder(
+        folder, [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
+    )
     with watching(mesh, view, options.get("primitive") or "superfrustum") as watcher:
-        code, result = _fit_and_write(mesh, folder, progress, options, watcher)
+        with catching_signals() as stop:
+            code, result = fit_and_write(
+                mesh, folder, progress, options, stop, Clock.of_process(), quiet, watcher
+            )
+        if open_page and not result.placeholder:
+            open_in_browser(folder / "viewer.html")
         # Ctrl-C ends the process again from here on; what is written stays.
         watcher.finish(result)
     return code
 
 
-def _fit_and_write(
-    mesh: Path, folder: Path, progress: ProgressMode, options: dict[str, Any], watcher: Watcher
+def fit_and_write(
+    mesh: Path,
+    folder: Path,
+    progress: ProgressMode,
+    options: dict[str, Any],
+    stop: Stop,
+    clock: Clock,
+    quiet: bool,
+    watcher: Watcher,
 ) -> tuple[int, FitResult]:
-    """The same as `run_fit`, without its checks; the exit code and the result."""
-    clock = Clock.of_process()
-    with catching_signals() as stop, reading(mesh) as source, make_reporter(progress) as reporter:
+    """The same as `run_fit`, without its checks; the exit code and the result, of which a placeholder is not written.
+
+    Raises:
+        InputError: if the mesh, an option or the folder cannot be used.
+        StoppedError: if it was stopped before the mesh was read.
+    """
+    with reading(mesh) as source, make_reporter(progress) as reporter:
         reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
         from resfit import fit as fit_mesh
 
@@ -154,11 +198,11 @@ def _fit_and_write(
             reporter.tell("writing")
             result.save(folder)
         reporter.tell("done", status=result.status.name.lower(), exit_code=code, directory=written)
-    if written:
-        summarise(summary(result, folder, clock.wall_s))
-    else:
+    if not written:
         kept = f"; the earlier fit in '{folder}' is as it was" if holds_fit(folder) else ""
         tell(f"resfit: stopped before a part was found, so nothing was written{kept}.")
+    elif not quiet:
+        summarise(summary(result, folder, clock.wall_s))
     return code, result
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from resfit.cli.inputs import assembly_file
 from resfit.errors import InputError
 
 LOCALHOST = "127.0.0.1"
@@ -74,10 +75,11 @@ def view(
         raise InputError(f"{' and '.join(asked)} do not go together; give one of them.")
     if not web and (host, port) != (LOCALHOST, 0):
         raise InputError("--host and --port are of the page; they need --web.")
+    paths = [assembly_file(path) for path in assemblies]
     from resfit.viewer.show import Request, open_page, open_window, save_screenshot
 
     request = Request(
-        paths=assemblies,
+        paths=paths,
         target=target,
         save_path=output,
         exports=export,
