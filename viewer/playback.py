@@ -22,7 +22,7 @@ from ..assembly.history import History, HistoryRound
 from ..assembly.plain_json import number_at
 from ..assembly.primitive import Primitive
 from ..assembly.report import read_report
-from ..kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
+from ..kernels.rows import BLEND, ROTATION, ROW, SHAPES, TRANSLATION
 
 Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
 
@@ -231,13 +231,25 @@ def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]]
     """
     from scipy.optimize import linear_sum_assignment
 
-    columns = [*range(TRANSLATION, TRANSLATION + 3), *range(SHAPES, SHAPES + 3)]
-    # Large float32 numbers have no squares.
-    away = np.linalg.norm(rows[:, None, columns].astype(np.float64) - others[None, :, columns], axis=2)
+    away = np.linalg.norm(_places(rows)[:, None] - _places(others)[None], axis=2)
     away = np.minimum(away, SAME_PART)
     pairs = [(int(k), int(j)) for k, j in zip(*linear_sum_assignment(away), strict=True)]
     closeness = float(sum(SAME_PART - away[pair] for pair in pairs))
     return [pair for pair in pairs if away[pair] < SAME_PART], closeness
+
+
+def _places(rows: np.ndarray) -> np.ndarray:
+    """Centres and extents along the frame's axes, (k, 6) float64, of rows (k, ROW): the same however axes are named."""
+    from scipy.spatial.transform import Rotation
+
+    # Large float32 numbers have no squares.
+    wide = rows.astype(np.float64)
+    w, x, y, z = wide[:, ROTATION : ROTATION + 4].T
+    turns = (
+        Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix() if len(rows) else np.zeros((0, 3, 3))
+    )
+    extents = np.einsum("kij,kj->ki", np.abs(turns), wide[:, SHAPES : SHAPES + 3])
+    return np.concatenate([wide[:, TRANSLATION : TRANSLATION + 3], extents], axis=1)
 
 
 def _is_new(row: np.ndarray, seen: set[bytes]) -> bool:
