@@ -64,10 +64,14 @@ def load_module(module: wp.Module, device: wp.Device) -> None:
 def _notice_compiling(module: wp.Module, device: wp.Device) -> None:
     """Say that kernels are being compiled, once; on a busy machine loading compiled ones takes as long."""
     global _noticed
-    if not _noticed and not is_cached(module, device):
-        _noticed = True
-        sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
-        sys.stderr.flush()
+    if _noticed or is_cached(module, device):
+        return
+    with _lock:
+        first, _noticed = not _noticed, True
+    if first:
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
+            sys.stderr.flush()
 
 
 def _load_or_compile(module: wp.Module, device: wp.Device) -> None:
