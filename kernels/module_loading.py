@@ -70,8 +70,9 @@ def _notice_compiling(module: wp.Module, device: wp.Device) -> None:
         # Several modules are compiled at once, and take equally long to be noticed.
         first, _noticed = not _noticed, True
     if first:
-        sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
-        sys.stderr.flush()
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write("resfit: compiling kernels for this machine (first run only, then cached)...\n")
+            sys.stderr.flush()
 
 
 def _load_or_compile(module: wp.Module, device: wp.Device) -> None:

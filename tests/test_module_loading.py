@@ -3,6 +3,7 @@
 # No postponed annotations here: Warp reads the kernels' own.
 
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -60,6 +61,20 @@ def test_compiling_is_said_once(slow, device, capfd, tmp_path, monkeypatch) -> N
     assert module_loading.is_cached(new.module, device)
     module_loading._notice_compiling(new.module, device)
     assert capfd.readouterr().err.count("compiling kernels for this machine (first run only") == 1
+
+
+def test_two_modules_that_are_compiled_at_once_are_said_once(slow, device, capfd, monkeypatch) -> None:
+    both = threading.Barrier(2, timeout=10.0)
+    monkeypatch.setattr(module_loading, "is_cached", lambda *_: both.wait() < 0)
+    module = kernel_in(NAMES[1]).module
+    threads = [
+        threading.Thread(target=module_loading._notice_compiling, args=(module, device)) for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert capfd.readouterr().err.count("compiling kernels") == 1
 
 
 DAMAGES = {
