@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +17,12 @@ from web_pages import (
     downloaded,
     middle_of,
     move_slider,
+    paused,
     picture,
     rest,
     selected,
     served,
+    slowed,
     three,
 )
 
@@ -29,6 +32,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.slow
+
+SIZE = '[data-value="size.0"]'
+"""The field of the first number."""
 
 
 @pytest.fixture(scope="module")
@@ -86,12 +92,19 @@ def open_page(browser: Browser, server: Served) -> Iterator[Callable[..., Page]]
 def undo_all(page: Page) -> None:
     """Back to how the assembly was opened."""
     undo = page.get_by_role("button", name="undo", exact=True)
+    rest(page)
     for _ in range(40):
         if undo.is_disabled():
             return
         undo.click()
         rest(page)
     raise AssertionError("there is no end to what can be undone")
+
+
+def choose(page: Page, name: str) -> None:
+    """Select a part in the list, if it is not, and wait for nothing."""
+    if selected(page) != [name]:
+        page.locator(f'.parts li[data-part="{name}"] .name').click()
 
 
 @pytest.mark.browser
@@ -150,7 +163,7 @@ def test_slider_moves_the_surface_and_undo_restores_the_bytes(open_page: Callabl
 @pytest.mark.browser
 def test_typed_numbers_are_checked(open_page: Callable[..., Page]) -> None:
     page = open_page()
-    page.locator('.parts li[data-part="left"] .name').click()
+    choose(page, "left")
     field = page.locator('[data-value="size.0"]')
     field.fill("0.5")
     field.press("Tab")
@@ -159,6 +172,110 @@ def test_typed_numbers_are_checked(open_page: Callable[..., Page]) -> None:
     field.fill("-3")
     field.press("Tab")
     page.wait_for_function("document.querySelector('[data-value=\"size.0\"]').value == '0'")
+    undo_all(page)
+
+
+def first_sizes(page: Page) -> list[float]:
+    """First sizes of the parts, by the file that the page downloads."""
+    return [part["parameters"]["size"][0] for part in json.loads(downloaded(page))["primitives"]]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("delay", [60, 150])
+def test_fields_keep_what_is_typed(open_page: Callable[..., Page], server: Served, delay: int) -> None:
+    page = open_page()
+    with slowed(server):
+        choose(page, "left")
+        field = page.locator(SIZE)
+        field.click(click_count=3)
+        for k in range(4):
+            # Each makes the server tell everything again while the next letters are typed.
+            page.evaluate("window.trame.trigger('hide', [0, 'right'])")
+            page.keyboard.type("0.55"[k], delay=delay)
+            assert field.input_value() in ("0.55"[: k + 1], "0")
+        page.keyboard.press("Enter")
+        page.wait_for_function("document.querySelector('[data-slider=\"size.0\"]').value == 0.55")
+        field.click(click_count=3)
+        page.keyboard.type("0.7", delay=delay)
+        page.keyboard.press("Escape")
+        assert field.input_value() == "0.55"
+    assert first_sizes(page) == [0.55, 0.32, 0.32]
+    undo_all(page)
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("delay", [60, 150])
+def test_numbers_go_to_the_part_that_was_shown(
+    open_page: Callable[..., Page], server: Served, delay: int
+) -> None:
+    page = open_page()
+    choose(page, "left")
+    field, name = page.locator(SIZE), page.locator('[aria-label="name"]')
+    field.wait_for()
+    x, y = middle_of(picture(page), "right")
+    with paused(server):
+        page.locator(PICTURE).click(position={"x": x, "y": y})
+        field.click(click_count=3)
+        page.keyboard.type("0.5", delay=delay)
+    page.wait_for_selector('.parts li.selected[data-part="right"]')
+    page.keyboard.type("5", delay=delay)
+    assert (name.input_value(), field.input_value()) == ("left", "0.55")
+    page.keyboard.press("Enter")
+    page.wait_for_function("document.querySelector('[aria-label=\"name\"]').value === 'right'")
+    assert field.input_value() == "0.32" and first_sizes(page) == [0.55, 0.32, 0.32]
+    undo_all(page)
+
+
+@pytest.mark.browser
+def test_numbers_wait_for_the_part_that_was_clicked(open_page: Callable[..., Page], server: Served) -> None:
+    page = open_page()
+    choose(page, "left")
+    field = page.locator(SIZE)
+    field.wait_for()
+    with slowed(server):
+        with paused(server):
+            for name in ("middle", "right"):
+                page.locator(f'.parts li[data-part="{name}"] .name').click()
+            page.wait_for_selector(".editor fieldset:disabled")
+        field.fill("0.55")
+        field.press("Enter")
+        page.wait_for_function("document.querySelector('[data-slider=\"size.0\"]').value == 0.55")
+    assert first_sizes(page) == [0.32, 0.32, 0.55]
+    undo_all(page)
+
+
+@pytest.mark.browser
+def test_undo_keys_work_beside_the_picture(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    choose(page, "left")
+    slider, field = page.locator('[data-slider="size.0"]'), page.locator(SIZE)
+
+    def wait_for(value: float) -> None:
+        page.wait_for_function(
+            "value => document.querySelector('[data-slider=\"size.0\"]').value == value", arg=value
+        )
+        rest(page)
+
+    rest(page)
+    slider.press("ArrowRight")
+    wait_for(0.321)
+    for undo, redo in (("Control+z", "Control+Shift+Z"), ("Control+z", "Control+y")):
+        page.keyboard.press(undo)
+        wait_for(0.32)
+        page.keyboard.press(redo)
+        wait_for(0.321)
+    field.click(click_count=3)
+    page.keyboard.type("7")
+    page.keyboard.press("Control+z")
+    assert field.input_value() == "0.321"
+    page.keyboard.press("Escape")
+    assert first_sizes(page)[0] == 0.321
+    field.click(click_count=3)
+    page.keyboard.type("0.7")
+    page.keyboard.press("Enter")
+    wait_for(0.7)
+    page.keyboard.press("Control+z")
+    wait_for(0.321)
     undo_all(page)
 
 

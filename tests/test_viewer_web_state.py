@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from resfit.errors import InputError
 from resfit.viewer.controller import Controller
 from resfit.viewer.documents import open_documents
 from resfit.viewer.edits import EditSession, PartRef
+from resfit.viewer.web.app import App
 from resfit.viewer.web.picture import Picture
 from resfit.viewer.web.pointer import Pointer
 from resfit.viewer.web.state import is_offered, page_state, save_name, save_path
@@ -41,18 +44,169 @@ def test_state_is_plain(controller: Controller) -> None:
     state = page_state(controller)
     assert json.loads(json.dumps(state)) == state
     assert [row["name"] for row in state["parts"]] == ["left", "middle", "right"]
-    assert state["selected"] is None and state["groups"] == []
+    assert state["editor"] is None
     assert {row["name"] for row in state["toggles"]}.isdisjoint(
         {"mesh", "error", "residual", "samples", "gizmo"}
     )
     controller.select(PartRef(0, "right"))
-    state = page_state(controller, revision=7)
-    groups = {group["name"]: [row["id"] for row in group["rows"]] for group in state["groups"]}
+    editor = page_state(controller, revision=7)["editor"]
+    assert (editor["item"], editor["name"], editor["family"]) == (0, "right", "cuboid")
+    groups = {group["name"]: [row["id"] for row in group["rows"]] for group in editor["groups"]}
     assert groups["Shape"][0] == "size.0" and groups["Position"] == [f"translation.{k}" for k in range(3)]
-    assert groups["Join"] == ["blend"] and {group["revision"] for group in state["groups"]} == {7}
-    rows = [row for group in state["groups"] for row in group["rows"]]
+    assert groups["Join"] == ["blend"] and editor["revision"] == 7
+    rows = [row for group in editor["groups"] for row in group["rows"]]
     assert all(row["low"] <= row["value"] <= row["high"] for row in rows)
     assert set(page_state(controller, live=True)) == {"status", "message"}
+
+
+class State(SimpleNamespace):
+    """What the page shows; `told` lists the messages about it."""
+
+    def __enter__(self) -> State:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def client_only(self, *_: str) -> None:
+        return
+
+    def update(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+        if "status" in values:
+            self.told.append(values)
+
+
+class Trame:
+    """As much of trame as the page's other half asks for; counts pictures."""
+
+    def __init__(self) -> None:
+        self.state, self.controller, self.pictures = State(told=[]), self, 0
+
+    def trigger(self, _: str) -> Callable[[Any], None]:
+        return lambda _: None
+
+    def push_content(self, *_: object) -> None:
+        self.pictures += 1
+
+
+@pytest.fixture
+def app(controller: Controller) -> App:
+    """A page's other half; tests do its rounds."""
+    made = App(controller, Trame())
+    made.set_streamer(made.server)
+    made.server.state.told.clear()
+    return made
+
+
+def sizes(app: App) -> list[float]:
+    """First sizes of the parts."""
+    parts = app.controller.session.state.assemblies[0].primitives
+    return [float(part.parameters["size"][0]) for part in parts]
+
+
+def test_numbers_go_to_the_part_that_they_name(app: App) -> None:
+    app.on_select(0, "left")
+    app.on_select(0, "right")
+    app.on_type([0, "left"], "size.0", "0,55")
+    app.on_slide([0, "middle"], "size.0", 0.4, True)
+    app.round()
+    assert sizes(app) == [0.55, 0.4, 0.32] and app.controller.session.selected == PartRef(0, "right")
+    assert app.server.state.editor["name"] == "right" and app.controller.message == ""
+    for _ in range(2):
+        app.on_run("undo")
+    app.round()
+    assert sizes(app) == [0.32, 0.32, 0.32]
+
+
+def test_numbers_of_parts_that_are_gone_go_nowhere(app: App) -> None:
+    app.on_select(0, "left")
+    app.on_run("delete")
+    app.on_select(0, "right")
+    app.round()
+    before = app.controller.session.state
+    for part in ([0, "left"], [1, "right"], [0], "right", None, [{}, []], {"item": 0}):
+        app.on_type(part, "size.0", "0.55")
+        app.on_slide(part, "size.0", 0.55, True)
+        app.on_rename(part, "other")
+        app.round()
+        assert app.controller.message == "there is no such part any more."
+    for text in ("", "1e", None, "nan"):
+        app.on_type([0, "right"], "size.0", text)
+        app.round()
+        assert "number" in app.controller.message
+    assert app.controller.session.state is before
+    app.on_type(None, "view.section_at", "0.25")
+    app.round()
+    assert app.controller.scene.view.section_at == 0.25 and app.controller.session.state is before
+
+
+def test_renamed_parts_are_known_by_their_old_names(app: App) -> None:
+    app.on_select(0, "left")
+    app.on_rename([0, "left"], "wing")
+    app.on_rename([0, "left"], "arm")
+    app.on_type([0, "left"], "size.0", "0.55")
+    app.round()
+    assert app.controller.session.selected == PartRef(0, "arm") and sizes(app) == [0.55, 0.32, 0.32]
+    app.on_rename([0, "middle"], "left")
+    app.on_type([0, "left"], "size.0", "0.4")
+    app.round()
+    assert sizes(app) == [0.55, 0.4, 0.32]
+
+
+def test_changes_are_told_once(app: App) -> None:
+    trame = app.server
+    told = trame.state.told
+
+    def after_round() -> tuple[int, int]:
+        told.clear()
+        trame.pictures = 0
+        app.round()
+        return len(told), trame.pictures
+
+    app.on_select(0, "left")
+    assert after_round() == (1, 1)
+    app.on_type([0, "left"], "size.0", "0.55")
+    assert after_round() == (1, 1) and told[0]["editor"]["groups"][0]["rows"][0]["value"] == 0.55
+    app.on_interaction("", {"type": "MouseWheel", "spinY": 1.0})
+    assert after_round() == (0, 1)
+    app.on_type([0, "left"], "size.0", "none")
+    assert after_round() == (1, 1) and told[0]["message"] == "that is no number."
+    app.on_type([0, "left"], "size.0", "0.6")
+    assert b'"size": [0.6, ' in app.text().encode()
+    assert after_round() == (1, 1)
+    app.controller.select(None)
+    assert after_round() == (1, 1) and told[0]["editor"] is None
+    assert after_round() == (0, 1)
+
+
+def test_selections_are_answered_even_if_refused(app: App) -> None:
+    for name in ("left", "nobody", "right"):
+        app.on_select(0, name)
+    assert app.server.state.answered == 0
+    app.round()
+    assert app.server.state.answered == 3 and app.server.state.editor["name"] == "right"
+
+
+def test_drags_end_with_whatever_else_is_done(app: App) -> None:
+    app.on_select(0, "left")
+    for value in (0.4, 0.5):
+        app.on_slide([0, "left"], "size.0", value, False)
+        app.round()
+    assert "editor" not in app.server.state.told[-1]
+    app.on_interaction("", {"type": "MouseWheel", "spinY": 1.0})
+    app.on_slide([0, "left"], "size.0", 0.6, False)
+    app.on_slide([0, "right"], "size.0", 0.7, False)
+    app.on_select(0, "right")
+    app.round()
+    assert sizes(app) == [0.6, 0.32, 0.7]
+    assert app.server.state.told[-1]["editor"]["name"] == "right"
+    app.on_run("undo")
+    app.round()
+    assert sizes(app) == [0.6, 0.32, 0.32]
+    app.on_run("undo")
+    app.round()
+    assert sizes(app) == [0.32, 0.32, 0.32]
 
 
 def test_view_sliders_come_with_what_they_move(controller: Controller) -> None:

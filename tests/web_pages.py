@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -106,6 +107,35 @@ def served(path: Path, *options: str) -> Iterator[Served]:
             process.kill()
     assert (process.returncode, output) == (0, "")
     assert "Traceback" not in complaints and "defect" not in complaints, complaints
+
+
+@contextmanager
+def paused(server: Served) -> Iterator[None]:
+    """A server that answers nothing meanwhile: what is sent to it waits."""
+    server.process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        server.process.send_signal(signal.SIGCONT)
+
+
+@contextmanager
+def slowed(server: Served) -> Iterator[None]:
+    """A server that works for less than a third of the time."""
+    ended = threading.Event()
+
+    def pauses() -> None:
+        while not ended.wait(0.08):
+            with paused(server):
+                ended.wait(0.2)
+
+    pausing = threading.Thread(target=pauses)
+    pausing.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        pausing.join()
 
 
 def rest(page: Page) -> None:

@@ -166,14 +166,14 @@ class Controller:
         self.select(found)
         return found
 
-    def slide(self, slider_id: str, value: float) -> None:
-        """Set a number while its slider is dragged."""
+    def slide(self, slider_id: str, value: float, ref: PartRef | None = None) -> None:
+        """Set a number while its slider is dragged: of the selected part, unless told of which."""
         self.message = ""
         try:
             if slider_id.startswith("view."):
                 self.scene.view = replace(self.scene.view, **{slider_id.removeprefix("view."): value})
             else:
-                self.session.set_value(self._chosen(), slider_id, value)
+                self.session.set_value(ref or self._chosen(), slider_id, value)
         except ResfitError as error:
             self.message = str(error)
         self.changed(live=True)

@@ -58,10 +58,24 @@ class App:
         self._streamer: Any = None
         self._waiting: list[tuple[str, Action]] = []
         self._wake = asyncio.Event()
-        self._live = False
+        self._dragged = ""
+        self._renamed: list[tuple[PartRef, PartRef]] = []
         self._still = False
+        self._changed = True
         self._revision = 0
-        server.state.update({"save_name": save_name(controller), "save_dialog": False, "resting": False})
+        self._answered = 0
+        controller.on_change = self._note_change
+        server.state.update(
+            {
+                "save_name": save_name(controller),
+                "save_dialog": False,
+                "resting": False,
+                "typing": {},
+                "asked": 0,
+            }
+        )
+        # These stay on the page: the field that is being filled in and its editor, and which selection it waits for.
+        server.state.client_only("typing", "asked")
         self._tell()
         for name in ("run", "select", "hide", "only", "slide", "type", "rename", "add", "save", "step"):
             server.controller.trigger(name)(getattr(self, f"on_{name}"))
@@ -72,7 +86,8 @@ class App:
     def post(self, action: Action, slot: str = "") -> None:
         """Do something in the next round; of many with the same `slot` one after the other, only the last.
 
-        Whatever has another slot than LOOK, STEP or SIZE ends a look at the fit's history.
+        Whatever has another slot than LOOK, STEP or SIZE ends a look at the fit's history; and the drag of a slider, if
+        it is not that slider's.
         """
         if slot and self._waiting and self._waiting[-1][0] == slot:
             self._waiting.pop()
@@ -86,7 +101,6 @@ class App:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), None if self._still else STILL)
             if self._wake.is_set():
-                self._wake.clear()
                 await asyncio.sleep(GATHER)
                 self.round()
             else:
@@ -96,15 +110,21 @@ class App:
     def round(self) -> None:
         """Do what waits, and send what came of it."""
         self._act()
-        self._tell()
+        if not self._waiting:
+            self._wake.clear()
+        if self._changed:
+            self._tell()
         self.send(still=False)
 
     def _act(self) -> None:
         waiting, self._waiting = self._waiting, []
         for slot, action in waiting:
+            self._changed |= slot not in (LOOK, SIZE)
             try:
                 if slot not in (LOOK, STEP, SIZE):
                     self.steps.leave()
+                if slot not in (LOOK, SIZE, self._dragged):
+                    self._settle()
                 action()
             except ResfitError as error:
                 self.controller.message = str(error)
@@ -114,8 +134,6 @@ class App:
                 self.controller.message = (
                     f"this is a defect of resfit ({type(error).__name__}); save your edits."
                 )
-        self._tell()
-        self.send(still=False)
 
     def send(self, still: bool) -> None:
         """Draw and send a picture; the page is told whether it is the finished one."""
@@ -134,10 +152,17 @@ class App:
 
     def _tell(self) -> None:
         """Send what is shown beside the picture, as far as it changed."""
+        self._changed = False
         with self.server.state as state:
             self._revision += 1
-            state.update(page_state(self.controller, self._revision, self._live))
+            state.update(page_state(self.controller, self._revision, bool(self._dragged)))
             state.update(self.steps.state())
+            state.update({"answered": self._answered})
+
+    def _note_change(self) -> None:
+        """The next round has something to tell, whoever changed it."""
+        self._changed = True
+        self._wake.set()
 
     # What trame's picture asks for
 
@@ -177,50 +202,49 @@ class App:
         """A part was chosen from the list; the chosen one again is let go."""
 
         def select() -> None:
-            ref = self._ref(item, name)
+            self._answered += 1
+            ref = self._ref([item, name])
             self.controller.select(None if ref == self.controller.session.selected else ref)
 
         self.post(select)
 
     def on_hide(self, item: int, name: str) -> None:
         """A part is to be hidden, or shown again."""
-        self._edit(lambda: self.controller.session.hide(self._ref(item, name)))
+        self._edit(lambda: self.controller.session.hide(self._ref([item, name])))
 
     def on_only(self, item: int, name: str) -> None:
         """A part is to be shown alone, or with all others again."""
-        self._edit(lambda: self.controller.session.isolate(self._ref(item, name)))
+        self._edit(lambda: self.controller.session.isolate(self._ref([item, name])))
 
-    def on_slide(self, slider_id: str, value: float, done: bool) -> None:
-        """A slider is being dragged, or was let go."""
+    def on_slide(self, part: Any, slider_id: str, value: float, done: bool) -> None:
+        """A slider is being dragged, or was let go: of a part, `[item, name]`, or of the view."""
+        slot = f"slide {part} {slider_id}"
 
         def slide() -> None:
-            self._live = True
-            self.controller.slide(str(slider_id), float(value))
+            self._dragged = slot
+            self._put(part, slider_id, value)
 
-        self.post(slide, f"slide {slider_id}")
+        self.post(slide, slot)
         if done:
             self.post(self._settle)
 
-    def on_type(self, slider_id: str, text: str) -> None:
-        """A number was typed."""
+    def on_type(self, part: Any, slider_id: str, text: str) -> None:
+        """A number was typed, as for `on_slide`."""
 
         def put() -> None:
-            try:
-                value = float(str(text).replace(",", "."))
-            except ValueError:
-                raise InputError("that is no number.") from None
-            self.controller.slide(str(slider_id), value)
-            message = self.controller.message
-            self._settle()
-            self.controller.message = message
+            self._put(part, slider_id, str(text).replace(",", "."))
+            self.controller.settle()
 
         self.post(put)
 
-    def on_rename(self, text: str) -> None:
-        """The selected part was given another name."""
-        selected = self.controller.session.selected
-        if selected is not None and text != selected.name:
-            self._edit(lambda: self.controller.session.rename(selected, str(text)))
+    def on_rename(self, part: Any, text: str) -> None:
+        """A part was given another name."""
+
+        def rename() -> None:
+            ref = self._ref(part)
+            self._renamed.append((ref, self.controller.session.rename(ref, str(text))))
+
+        self._edit(rename)
 
     def on_step(self, at: int | None) -> None:
         """A step of the fit's history is to be shown, or what is edited again."""
@@ -246,20 +270,39 @@ class App:
         self._act()
         return self.controller.session.state.assemblies[self.controller.item].to_json().decode()
 
-    def _ref(self, item: Any, name: Any) -> PartRef:
-        """A part that the page names, whatever it sent.
+    def _ref(self, part: Any) -> PartRef:
+        """The part of a message, `[item, name]`, whatever was sent; it may have got another name since then.
 
         Raises:
             InputError: if there is no such part.
         """
-        for ref in self.controller.session.refs():
-            if (ref.item, ref.name) == (item, name):
+        refs, found = self.controller.session.refs(), tuple(part) if isinstance(part, list) else ()
+        for old, new in self._renamed:
+            if found == old and found not in refs:
+                found = new
+        for ref in refs:
+            if ref == found:
                 return ref
         raise InputError("there is no such part any more.")
 
+    def _put(self, part: Any, slider_id: str, value: Any) -> None:
+        """Set a number of the part of a message, or of the view.
+
+        Raises:
+            InputError: if there is no such part, or the value is no number.
+        """
+        ref = None if str(slider_id).startswith("view.") else self._ref(part)
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise InputError("that is no number.") from None
+        self.controller.slide(str(slider_id), number, ref)
+
     def _settle(self) -> None:
-        self._live = False
-        self.controller.settle()
+        """End the drag of a slider, if there is one."""
+        if self._dragged:
+            self._dragged = ""
+            self.controller.settle()
 
     def _edit(self, action: Action) -> None:
         def edit() -> None:

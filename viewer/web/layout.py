@@ -11,6 +11,12 @@ TITLE = "ResFit"
 PARTS = "part in parts"
 KEY = "part.item + '/' + part.name"
 
+SHOWN = "shown in typing.editor ? [typing.editor] : editor ? [editor] : []"
+"""The editor on the page: that of a field that is being filled in, whatever is selected meanwhile."""
+
+SELECT = "asked = Math.max(asked, answered) + 1; trigger('select', [part.item, part.name])"
+"""Until it is answered, the numbers of the part that was selected before cannot be changed by mistake."""
+
 THEME = {
     "theme": {
         "defaultTheme": "resfit",
@@ -33,7 +39,9 @@ def build_page(server: Any, app: App) -> None:
 
     server.state.trame__title = TITLE
     with VAppLayout(server, vuetify_config=THEME) as layout:
-        client.Style((files("resfit.viewer.web") / "style.css").read_text(encoding="utf-8"))
+        own = files("resfit.viewer.web")
+        client.Style((own / "style.css").read_text(encoding="utf-8"))
+        client.Script((own / "keys.js").read_text(encoding="utf-8"))
         with layout.root, html.Div(classes="page"):
             with html.Div(classes="stage", raw_attrs=[':data-resting="resting"']):
                 _picture(app)
@@ -60,7 +68,7 @@ def _switches() -> None:
 
     with html.Div(classes="below"):
         with html.Div(classes="rows", v_if="view_rows.length"):
-            _slider_row("row in view_rows")
+            _slider_row("row in view_rows", part="null", editor="null")
         with html.Label(classes="rows row", v_if="step !== null", title="steps of the fit"):
             html.Span("step {{ step + 1 }}")
             html.Input(
@@ -107,8 +115,8 @@ def _parts() -> None:
     with html.Ul(classes="parts"):
         _part_row()
     with html.Div(classes="tools"):
-        _button("duplicate", "trigger('run', ['duplicate'])", disabled="!selected")
-        _button("delete", "trigger('run', ['delete'])", disabled="!selected")
+        _button("duplicate", "trigger('run', ['duplicate'])", disabled="!editor")
+        _button("delete", "trigger('run', ['delete'])", disabled="!editor")
         with vuetify.VMenu():
             with (
                 vuetify.Template(v_slot_activator="{ props }"),
@@ -140,7 +148,7 @@ def _part_row() -> None:
             classes="name",
             type="button",
             title=("part.name",),
-            click="trigger('select', [part.item, part.name])",
+            click=SELECT,
         ):
             html.Span(classes="dot", style=("{ background: part.color }",))
             html.Span("{{ part.name }}", classes="text")
@@ -155,40 +163,65 @@ def _part_row() -> None:
 def _editor() -> None:
     from trame.widgets import html
 
+    part = "[shown.item, shown.name]"
     with html.Div(classes="editor"):
-        html.P("Click a part, here or in the picture, to edit it.", classes="hint", v_if="!selected")
-        with html.Div(v_if="selected", key="selected && selected.join('/')"):
+        html.P("Click a part, here or in the picture, to edit it.", classes="hint", v_if="!editor")
+        with html.Fieldset(v_for=SHOWN, disabled=("asked > answered",)):
             with html.Div(classes="part"):
                 html.Input(
-                    type="text", value=("selected[1]",), maxlength=200, title="name of the part",
-                    raw_attrs=['aria-label="name"'],
-                    change="trigger('rename', [$event.target.value])",
-                    keydown_enter="$event.target.blur()",
+                    type="text", maxlength=200, title="name of the part", raw_attrs=['aria-label="name"'],
+                    **_typed("'name'", "shown.name", f"trigger('rename', [{part}, typing.text])", "shown"),
                 )  # fmt: skip
-                html.Small("{{ family }}")
-            with html.Section(v_for="group in groups", key="group.name"):
+                html.Small("{{ shown.family }}")
+            with html.Section(v_for="group in shown.groups", key="group.name"):
                 html.H2("{{ group.name }}")
-                _slider_row("row in group.rows")
+                _slider_row("row in group.rows", part, "shown")
 
 
-def _slider_row(rows: str) -> None:
-    """A number: its slider, and a field to type it."""
+def _slider_row(rows: str, part: str, editor: str) -> None:
+    """A number: its slider, and a field to type it.
+
+    Args:
+        rows: which ones, for Vue.
+        part, editor: expressions for the part that they are of, and for the editor that stays while one is changed.
+    """
     from trame.widgets import html
 
+    put = f"if (typing.text) row.value = Number(typing.text); trigger('type', [{part}, row.id, typing.text])"
     with html.Label(classes="row", v_for=rows, key="row.id", title=("row.about",)):
         html.Span("{{ row.label }}")
         html.Input(
             type="range", min=("row.low",), max=("row.high",), step=("row.step",), value=("row.value",),
             raw_attrs=[':data-slider="row.id"'],
-            input="row.value = Number($event.target.value); trigger('slide', [row.id, row.value, false])",
-            change="trigger('slide', [row.id, Number($event.target.value), true])",
+            input=f"row.value = Number($event.target.value); typing = {{ editor: {editor} }}; "
+            f"trigger('slide', [{part}, row.id, row.value, false])",
+            change=f"trigger('slide', [{part}, row.id, Number($event.target.value), true]); typing = {{}}",
+            blur="typing = {}",
         )  # fmt: skip
         html.Input(
-            type="number", step="any", value=("Math.round(1e4 * row.value) / 1e4",),
-            raw_attrs=[':data-value="row.id"'],
-            change="trigger('type', [row.id, $event.target.value])",
+            type="number", step="any", raw_attrs=[':data-value="row.id"'],
+            **_typed("row.id", "Math.round(1e4 * row.value) / 1e4", put, editor),
         )  # fmt: skip
         html.Small("{{ row.unit }}")
+
+
+def _typed(field: str, shown: str, send: str, editor: str) -> dict[str, Any]:
+    """Attributes of a field whose text is its own while it is typed: Enter and leaving send it, Escape restores it.
+
+    Args:
+        field, shown: expressions for its name, and for what it shows otherwise.
+        send: statements that send what was typed.
+        editor: expression for the editor that stays meanwhile.
+    """
+    return {
+        "value": (f"typing.field === {field} ? typing.text : {shown}",),
+        "input": f"typing = {{ field: {field}, text: $event.target.value, editor: {editor} }}",
+        "change": f"if (typing.field === {field}) {{ {send} }}; typing = {{}}",
+        "blur": "typing = {}",
+        "keydown_enter": "$event.target.blur()",
+        "keydown_escape": "typing = {}; $event.target.blur()",
+        "__events": [("keydown_enter", "keydown.enter"), ("keydown_escape", "keydown.escape")],
+    }
 
 
 def _files() -> None:
@@ -215,7 +248,8 @@ def _save_dialog() -> None:
             html.P("In the folder of the assembly, as", classes="hint")
             vuetify.VTextField(
                 v_model=("save_name",), density="compact", variant="outlined", hide_details=True, autofocus=True,
-                maxlength=100, keydown_enter=save, raw_attrs=["data-save"],
+                keydown_enter=save, __events=[("keydown_enter", "keydown.enter")],
+                raw_attrs=["data-save", 'maxlength="100"'],
             )  # fmt: skip
         with vuetify.VCardActions():
             vuetify.VSpacer()

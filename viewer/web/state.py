@@ -15,6 +15,7 @@ from ...assembly.primitive import shown
 from ...kernels.primitives import FAMILIES
 from ..commands import COMMAND_OF, Command
 from ..controller import Controller
+from ..edits import PartRef
 from ..parameters import Slider
 from ..view import COMPARING
 
@@ -50,9 +51,7 @@ def page_state(controller: Controller, revision: int = 0, live: bool = False) ->
         **state,
         "title": controller.title,
         "parts": part_rows(controller),
-        "selected": None if selected is None else [selected.item, selected.name],
-        "family": "" if selected is None else session.part(selected).family,
-        "groups": [] if selected is None else slider_groups(controller.sliders(), revision),
+        "editor": None if selected is None else editor(controller, selected, revision),
         "view_rows": [{**row, "revision": revision} for row in view_rows(controller)],
         "toggles": toggle_rows(controller),
         "up": controller.scene.camera.up,
@@ -80,12 +79,16 @@ def part_rows(controller: Controller) -> list[dict[str, Any]]:
     ]
 
 
-def slider_groups(sliders: tuple[Slider, ...], revision: int = 0) -> list[dict[str, Any]]:
-    """Sliders by group, in their order."""
+def editor(controller: Controller, ref: PartRef, revision: int = 0) -> dict[str, Any]:
+    """A part and its sliders by group, in their order."""
+    part = controller.session.part(ref)
     groups: dict[str, list[dict[str, Any]]] = {}
-    for slider in sliders:
+    for slider in controller.session.sliders(ref):
         groups.setdefault(slider.group, []).append(slider_row(slider))
-    return [{"name": name, "rows": rows, "revision": revision} for name, rows in groups.items()]
+    return {
+        "item": ref.item, "name": ref.name, "family": part.family, "revision": revision,
+        "groups": [{"name": name, "rows": rows} for name, rows in groups.items()],
+    }  # fmt: skip
 
 
 def slider_row(slider: Slider) -> dict[str, Any]:
