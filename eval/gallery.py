@@ -7,6 +7,7 @@ without scripts too: those only search and sort.
 from __future__ import annotations
 
 import html
+import os
 import re
 import shutil
 import struct
@@ -64,10 +65,17 @@ class Entry:
     """That makes it again."""
 
 
+BESIDE_REPORT = ("assembly.json", "history.npz", "parts.glb", "viewer.html")
+"""Files of a fit that tell its report from those of other programs."""
+
+
 def find_fits(folders: Sequence[Path]) -> list[Path]:
-    """All folders of fits at or below these, in order of their paths: those with a report and an assembly."""
+    """All folders of fits at or below these, in order of their paths: those with a report and something else of ours.
+
+    Either may be damaged or gone: then there is something to say about the folder.
+    """
     found = {path.parent for folder in folders for path in folder.rglob(REPORT)}
-    return sorted(path for path in found if (path / "assembly.json").is_file())
+    return sorted(path for path in found if any(os.path.lexists(path / name) for name in BESIDE_REPORT))
 
 
 def read_entry(folder: Path, command: Callable[[dict[str, Any]], str] = lambda report: "") -> Entry | None:

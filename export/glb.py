@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from resfit.errors import InputError
+
 from ..assembly.colors import linear_rgb
 from ..assembly.document import FORMAT, VERSION
 from ..assembly.primitive import Primitive
@@ -158,6 +160,11 @@ def glb_of_union(assembly: Assembly, resolution: int, device: str = "auto") -> b
 
 def _root_node(assembly: Assembly, content: dict[str, Any]) -> dict[str, Any]:
     transform = assembly.transform
+    reach = transform.scale + float(np.abs(transform.translation).max())
+    if not reach <= float(np.finfo(np.float32).max):
+        raise InputError(
+            f"cannot write a GLB: coordinates reach {reach:.3g}, more than readers hold; scale it down."
+        )
     return {
         "name": "assembly",
         "translation": list(transform.translation),

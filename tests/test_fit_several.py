@@ -134,3 +134,14 @@ def test_open_shows_the_page_or_says_where_it_is(
         assert resfit.cli.main(["fit", "tall.stl", "-q", "--open", *FAST]) == 0
         assert capsys.readouterr() == ("", expected)
     assert opened == [(boxes / "tall.resfit" / "viewer.html").as_uri()] * 2
+
+
+def test_an_empty_file_is_one_failure_and_a_missing_one_stops_all(
+    boxes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (boxes / "empty.stl").touch()
+    assert resfit.cli.main(["fit", "empty.stl", "flat.ply", "-q", *FAST]) == 3
+    assert "1 of 2 meshes was not fitted: 'empty.stl'" in capsys.readouterr().err
+    assert (boxes / "flat.resfit").is_dir()
+    assert resfit.cli.main(["fit", "missing.stl", "tall.stl", "-q", *FAST]) == 2
+    assert not (boxes / "tall.resfit").exists()

@@ -139,3 +139,12 @@ def test_mutated_files_are_read_or_refused(tmp_path: Path) -> None:
             assert "x.stl" in str(error)
         else:
             assert all(piece.vertices.shape == (3 * len(piece.faces), 3) for piece in file.pieces)
+
+
+@pytest.mark.parametrize("lost", ["endfacet", "facet", "t"])
+def test_an_ascii_file_cut_within_its_last_facet_is_refused(tmp_path: Path, lost: str) -> None:
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet"
+    path = tmp_path / "cut.stl"
+    path.write_text(f"solid x\n{facet}\n{facet}".removesuffix(lost))
+    with pytest.raises(InputError, match="ends in the middle of a facet"):
+        stl.read(path)

@@ -247,3 +247,18 @@ def test_sizes_that_lie_are_found(tmp_path: Path) -> None:
     path.write_bytes(content.replace(size.to_bytes(4, "little"), (100).to_bytes(4, "little")))
     with pytest.raises(InputError, match=r"damaged"):
         threemf.read(path)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "said"),
+    [
+        ('xmlns:v="http://vendor.example/shapes" requiredextensions="p v"', "http://vendor.example/shapes"),
+        ('unit="parsec"', "unknown unit, 'parsec'"),
+    ],
+)
+def test_what_the_model_requires_and_is_not_known_is_refused(
+    tmp_path: Path, attributes: str, said: str
+) -> None:
+    path = write(tmp_path / "odd.3mf", model(mesh(1), 'objectid="1"', attributes=attributes))
+    with pytest.raises(InputError, match=said):
+        threemf.read(path)

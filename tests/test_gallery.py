@@ -16,7 +16,7 @@ from pages import desk_lamp
 from PIL import Image
 
 from resfit.cli import main
-from resfit.cli.gallery import fit_command
+from resfit.cli.gallery import fit_command, read_entries
 from resfit.eval import results
 from resfit.eval.gallery import Entry, find_fits, item_names, read_entry, summary, write_gallery
 
@@ -245,3 +245,26 @@ def test_search_and_sort(browser: Browser, tmp_path: Path) -> None:
     assert page.evaluate("document.images[0].naturalWidth") == 960
     assert problems == [] and all(url.startswith((tmp_path / "out").as_uri()) for url in requests)
     page.close()
+
+
+def test_damaged_fits_are_left_out_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, report, assembly in (
+        ("cut", '{"format": "resfit', "{}"),
+        ("null", "null", "{}"),
+        ("gone", '{"format": "resfit-report", "version": 1}', None),
+    ):
+        folder = tmp_path / "fits" / name
+        folder.mkdir(parents=True)
+        (folder / "report.json").write_text(report)
+        (folder / "viewer.html").write_text("")
+        if assembly is not None:
+            (folder / "assembly.json").write_text(assembly)
+    other = tmp_path / "fits" / "other"
+    other.mkdir()
+    (other / "report.json").write_text("{}")
+    assert read_entries(find_fits([tmp_path / "fits"])) == []
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and all(line.startswith("resfit: left out: ") for line in lines)
+    assert [name for name in ("cut", "null", "gone") if any(f"/{name}/" in line for line in lines)] == [
+        "cut", "null", "gone",
+    ]  # fmt: skip

@@ -246,3 +246,13 @@ def test_progress_goes_from_nothing_to_all(mesh: trimesh.Trimesh) -> None:
     assert [entry.stage for entry in seen[:4]] == ["load", "solid", "grid", "samples"]
     fractions = [entry.fraction for entry in seen]
     assert fractions == sorted(fractions) and fractions[0] == 0.0 and fractions[-1] <= 1.0
+
+
+def test_a_wreck_is_no_result(tmp_path: Path) -> None:
+    cubes = [trimesh.creation.box((0.01, 0.01, 0.01)) for _ in range(30)]
+    for number, cube in enumerate(cubes):
+        cube.apply_translation([150.0 * number, 90.0 * (number % 7), 70.0 * (number % 5)])
+    found = resfit.fit(trimesh.util.concatenate(cubes), preset="fast", max_primitives=4)
+    with pytest.raises(InputError, match="nothing was written"):
+        found.save(tmp_path / "wreck")
+    assert not (tmp_path / "wreck").exists()

@@ -125,3 +125,10 @@ def test_too_little_memory_is_one_sentence(box: Path, tmp_path: Path) -> None:
     assert done.stderr.startswith("resfit: this process may use 0.6 GB of memory (ulimit -v)")
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "fit").exists()
+
+
+def test_names_cannot_command_a_terminal_or_forge_lines() -> None:
+    from resfit.cli.terminal import printable
+
+    assert printable("a\x1b]0;x\x07\n\u202eb.stl") == r"a\x1b]0;x\x07\n\u202eb.stl"
+    assert printable("Stühle 椅子.glb: 3 parts") == "Stühle 椅子.glb: 3 parts"

@@ -35,6 +35,12 @@ from resfit.trade_off import Curve
 
 REPORT_VERSION = 1
 
+LEAST_IOU = 0.005
+"""An assembly that matches less of the solid than this, with a deviation above the next, is no result."""
+
+MOST_DEVIATION = 0.2
+"""Normalised; the longest side is 1.8."""
+
 PANEL = (480, 360)
 """Width and height of each half of the preview, in pixels."""
 
@@ -113,6 +119,11 @@ class FitResult:
                 f"no part raised the objective for '{self.input.name}', so nothing was written; look at the mesh,"
                 " or lower --parsimony."
             )
+        if self._is_wreck():
+            raise InputError(
+                f"what was found for '{self.input.name}' matches nothing of it, so nothing was written; its parts are"
+                " too small for the space between them: fit them from files of their own."
+            )
         clock, timings = Clock.now(), dict(self.timings)
         folder = Path(directory)
         with filling(folder) as temporary:
@@ -136,6 +147,12 @@ class FitResult:
             text = json.dumps(self.report(metrics, timings), indent=2, allow_nan=False)
             write_bytes(temporary / REPORT, f"{text}\n".encode())
         return folder
+
+    def _is_wreck(self) -> bool:
+        """Whether the assembly matches neither the solid nor the surface of the input."""
+        far = MOST_DEVIATION * self.assembly.transform.scale
+        # Cells miss what is thinner than they are: then the surface tells.
+        return self.metrics["iou"] < LEAST_IOU and (self.deviation is None or self.deviation.p95 > far)
 
     def _write_rest(self, folder: Path) -> None:
         """Everything but the picture, the parts' surfaces and the report."""

@@ -135,7 +135,7 @@ def _corners(text: bytes, path: Path) -> npt.NDArray[np.float64]:
     """(m, 3, 3) corners of the facets in a text of lower case."""
     found = VERTEX.findall(text)
     facets = text.count(b"facet") - text.count(b"endfacet")
-    if len(found) != text.count(b"vertex") or len(found) < 3 * facets:
+    if len(found) != text.count(b"vertex") or len(found) < 3 * facets or text.count(b"endfacet") < facets:
         raise InputError(f"'{path}' ends in the middle of a facet; export or download it again.")
     if len(found) > 3 * facets:
         raise InputError(f"'{path}' has facets of more than three corners; export it again as triangles.")

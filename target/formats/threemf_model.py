@@ -29,6 +29,13 @@ SHAPES = {
 }
 """Elements that describe shape otherwise than by triangles, and what messages call them."""
 
+FAMILIAR = (
+    "production", "material", "beamlattice", "slice", "boolean", "displacement", "volumetric", "implicit",
+)  # fmt: skip
+"""Words in the namespaces of extensions that are read, change no shape, or have elements in SHAPES."""
+
+UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
+
 Matrix = npt.NDArray[np.float64]
 """(4, 3): a row vector times its first three rows, plus its last one."""
 
@@ -104,9 +111,14 @@ class _ModelReader:
         self.parser = expat.ParserCreate(namespace_separator=" ")
         self.parser.StartElementHandler = self._start
         self.parser.StartDoctypeDeclHandler = self._refuse_doctype
+        self.parser.StartNamespaceDeclHandler = self._declare
+        self.namespaces: dict[str, str] = {}
         # Bytes of one model part come in one encoding; the arrays below hold what is kept.
         self.parser.buffer_text = True
         self._handlers: dict[str, Callable[[dict[str, str]], None]] = {}
+
+    def _declare(self, prefix: str | None, uri: str | None) -> None:
+        self.namespaces[prefix or ""] = uri or ""
 
     def _refuse_doctype(self, *_: object) -> None:
         raise InputError(f"the 3D model in {self.name} declares a document type, which 3MF forbids.")
@@ -136,6 +148,14 @@ class _ModelReader:
 
     def _on_model(self, attributes: dict[str, str]) -> None:
         self.model.unit = attributes.get("unit", self.model.unit)
+        if self.model.unit not in UNITS:
+            raise InputError(f"{self.name} is in an unknown unit, '{self.model.unit}'; export it again.")
+        for prefix in attributes.get("requiredextensions", "").split():
+            extension = self.namespaces.get(prefix, prefix)
+            if not any(word in extension.lower() for word in FAMILIAR):
+                raise InputError(
+                    f"{self.name} requires the 3MF extension '{extension}', which is not read; export it without."
+                )
 
     def _on_object(self, attributes: dict[str, str]) -> None:
         name = attributes.get("name") or attributes.get("partnumber") or ""

@@ -13,7 +13,7 @@ from resfit.cli.failures import STOPPED
 from resfit.cli.inputs import check_mesh
 from resfit.cli.progress import ProgressMode, Reporter, make_reporter
 from resfit.cli.stop import Stop, catching_signals
-from resfit.cli.terminal import summarise, tell
+from resfit.cli.terminal import printable, summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.errors import InputError
@@ -254,7 +254,7 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
         f"  written  {folder}/ {' '.join(name for name in (*OURS, *PARETO) if (folder / name).exists())}",
         f"  look at  {folder / 'preview.png'}, or call: resfit view {shlex.quote(str(folder))}",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def left_out_line(result: FitResult) -> list[str]:

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from resfit.cli.terminal import summarise
+from resfit.cli.terminal import summarise, tell
 from resfit.errors import AssemblyError, InputError
+from resfit.folder import REPORT
 
 if TYPE_CHECKING:
     from resfit.eval.gallery import Entry
@@ -111,13 +112,15 @@ def read_entries(folders: list[Path]) -> list[Entry]:
 
     found = {folder.resolve(): read_entry(folder, fit_command) for folder in folders}
     entries = []
-    for entry in found.values():
+    for folder, entry in found.items():
         try:
-            if entry is not None:
-                Assembly.load(entry.folder / "assembly.json")
-                entries.append(entry)
+            if entry is None:
+                raise AssemblyError(f"{folder / REPORT} is no report of a fit, or damaged")
+            if not Assembly.load(entry.folder / "assembly.json").primitives:
+                raise AssemblyError(f"{entry.folder / 'assembly.json'} has no part")
+            entries.append(entry)
         except AssemblyError as error:
-            sys.stderr.write(f"resfit: left out: {error}\n")
+            tell(f"resfit: left out: {error}")
     return sorted(entries, key=lambda entry: (entry.name.lower(), entry.folder))
 
 

@@ -36,12 +36,13 @@ def fit_each(
         quiet: whether to leave out the summaries.
 
     Raises:
-        InputError: before the work begins, if a mesh, an option or a folder cannot be used, or two meshes would have
-            the same folder.
+        InputError: before the work begins, if a mesh is not there, an option or a folder cannot be used, or two meshes
+            would have the same folder. A file that cannot be read is one failed fit among others.
     """
     folders = own_folders(meshes, output or Path())
     for mesh, folder in folders.items():
-        check_mesh(mesh)
+        if mesh.is_dir() or not mesh.exists():
+            check_mesh(mesh)
         check_folder(folder, meshes)
     _check_options(options)
     with catching_signals() as stop:
@@ -94,6 +95,7 @@ def _fit_in_turn(
     written: dict[Path, int] = {}
 
     def fit(mesh: Path, clock: Clock) -> int:
+        check_mesh(mesh)
         code, result = fit_and_write(mesh, folders[mesh], progress, options, stop, clock, quiet, Watcher())
         if not result.placeholder:
             written[mesh] = code

@@ -73,10 +73,20 @@ def _guarded(stream: TextIO | None, number: int) -> TextIO:
     )
 
 
+def printable(line: str) -> str:
+    """A line without what a terminal would obey or hide: control and direction characters of names, line ends."""
+    return "".join(
+        letter
+        if letter.isprintable() or "\ud800" <= letter <= "\udfff"
+        else letter.encode("unicode_escape").decode()
+        for letter in line
+    )
+
+
 def tell(line: str) -> None:
     """One line on stderr, or none where it cannot be written."""
     with suppress(OSError, ValueError, AttributeError):
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{printable(line)}\n")
         sys.stderr.flush()
 
 
