@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -309,7 +310,9 @@ def test_page_in_a_notebook() -> None:
         await made.close()
         return markup, address, content
 
-    markup, address, content = asyncio.run(shown())
+    # Tests in a browser leave an event loop running on the main thread.
+    with ThreadPoolExecutor(1) as thread:
+        markup, address, content = thread.submit(lambda: asyncio.run(shown())).result()
     assert markup.startswith("<iframe") and address.startswith("http://127.0.0.1:")
     assert address.partition("token=")[2] in markup and "300px" in markup
     assert content == three().to_json()
