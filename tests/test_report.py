@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pages import desk_lamp
 
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.plain_json import check_depth, number_at, text_at
@@ -158,7 +159,7 @@ def test_pictures_that_are_none(tmp_path: Path) -> None:
 
 
 def test_one_damaged_fit_is_left_out_of_a_gallery(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name, text in (("good", Assembly().to_json()), ("bad", b"{")):
+    for name, text in (("good", desk_lamp().to_json()), ("bad", b"{")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "assembly.json").write_bytes(text)
         (tmp_path / name / "viewer.html").touch()
