@@ -113,7 +113,7 @@ def _cut(
     if fitted.names is not None:
         fitted.names = [fitted.names[old] for old in best.kept]
     fitted.copies = copies[number]
-    _take(fitted, best.rows, target, config, device)
+    _take(fitted, best.rows, target, judge)
 
 
 def _copies_in(cut: Cut, fitted: Fitted) -> list[Copied]:
@@ -142,27 +142,27 @@ def _snap(
                 name, number = f"{fitted.names[origin]}.image{number}", number + 1
             names.append(name)
         fitted.names = names
-    _take(fitted, regular.rows, target, config, device)
+    _take(fitted, regular.rows, target, Judge(target, config, device))
     fitted.snapped = True
     fitted.relations = [*_copies(fitted), *regular.relations]
 
 
 def _standardise(fitted: Fitted, target: Target, config: FitConfig, device: wp.Device) -> None:
     """Each primitive in its standard form."""
-    rows = standard_forms(fitted.outcome.rows, Judge(target, config, device), fitted.copies)
-    if not np.array_equal(rows, fitted.outcome.rows):
-        _take(fitted, rows, target, config, device)
-
-
-def _take(fitted: Fitted, rows: np.ndarray, target: Target, config: FitConfig, device: wp.Device) -> None:
-    """Put rows in place of the outcome's."""
     judge = Judge(target, config, device)
+    rows = standard_forms(fitted.outcome.rows, judge, fitted.copies)
+    if not np.array_equal(rows, fitted.outcome.rows):
+        _take(fitted, rows, target, judge)
+
+
+def _take(fitted: Fitted, rows: np.ndarray, target: Target, judge: Judge) -> None:
+    """Put rows in place of the outcome's."""
     fitted.outcome = replace(
         fitted.outcome,
         rows=rows,
         families=judge.families(rows),
         score=judge.score(rows),
-        iou=grid_iou(rows, target, config, device),
+        iou=grid_iou(rows, target, judge.config, judge.device),
     )
 
 

@@ -39,7 +39,6 @@ NEAR = {"bulge": 0.01, "taper": 0.015, "roundness": 0.03, "dilation": 2e-3, "squ
 COSTLESS = 2e-5
 """Most that the objective may fall for one part: about the weight of one sample point."""
 
-
 SIMPLER = 1e-3
 """The same where a part becomes a ball, a capsule or a ring: half its price for half its numbers."""
 
