@@ -26,6 +26,7 @@ class Chooser(Cover):
     def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
         super().__init__(holdings, tally, alpha, false_volume)
         self.additions = AdditionSums(self.counts)
+        self.airy = _hold_more_air(self.additions.of_all())
         self._common: dict[int, np.ndarray] = {}
         self.prices = Prices()
         self.prices.near_total, self.prices.box_total = tally.near_total, tally.box_total
@@ -64,6 +65,7 @@ class Chooser(Cover):
         held, count = self.held + self.additions.of_all(), len(self.chosen)
         gains = self._objective(held, count + 1) - self.score()
         gains[self.chosen] = -np.inf
+        gains[self.airy] = -np.inf
         return gains
 
     def _common_with(self, members: Sequence[int]) -> list[np.ndarray]:
@@ -119,3 +121,13 @@ class Chooser(Cover):
         scores, leavers = replace_members(self.counts, newcomers, self.chosen, self.prices)
         rose = scores > self.score() + 1e-6
         return [leave if better else None for leave, better in zip(leavers, rose, strict=True)]
+
+
+def _hold_more_air(sums: np.ndarray) -> np.ndarray:
+    """Which candidates (k,) hold more outside the target than in it, by their sums (k, 5).
+
+    Where everything else is poor even such a one raises an IoU: a slab across a filigree, which then explains all of it
+    and leaves nothing to decompose.
+    """
+    near_in, near_out, box_in, box_out, _ = sums.T
+    return near_out + box_out > near_in + box_in

@@ -47,3 +47,8 @@ class Cover:
         gains = self._objective(left, len(self.chosen) - 1) - self.score()
         best = int(np.argmax(gains))
         return self.chosen[best], float(gains[best])
+
+    def alone(self) -> np.ndarray:
+        """Weight of the points that each member alone holds, (members, 2): in the target and outside it."""
+        near_in, near_out, box_in, box_out, _ = self.counts.removals(self.chosen).T
+        return np.stack([near_in + box_in, near_out + box_out], axis=1)

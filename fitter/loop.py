@@ -202,6 +202,8 @@ class Fit(Track):
                         rows, self.families(rows), self.samples, polish.refine, self.device, self.should_stop
                     )
                     self.keep_if_better(rows)
+            self.rows = self.solid_rows(self.rows)
+            self.score = self.assess(self.rows)
         self.look()
 
     def merge(self) -> None:

@@ -11,13 +11,13 @@ import warp as wp
 from ..target.target import Target
 from .config import FitConfig
 from .judge import Judge
-from .loop import fit_target
 from .outcome import Outcome
 from .per_part import fit_parts, grid_iou
 from .progress import Progress
 from .relations import Relation
 from .snap import snap
 from .standard_form import standard_forms
+from .standing import fit_standing
 from .ties import Copied
 from .trade_off import RICH_SHARE, Cut, cut_down
 
@@ -67,7 +67,7 @@ def fit_stages(
         if parts is not None:
             fitted = Fitted(parts.outcome, parts.names, parts.copies, notes=parts.notes)
     if fitted is None:
-        fitted = Fitted(fit_target(target, priced, device, tell_share, should_stop, start_rows))
+        fitted = Fitted(fit_standing(target, priced, device, tell_share, should_stop, start_rows))
     if config.pareto and len(fitted.outcome.rows):
         tell(_progress("curve", fitted.outcome, CURVE_BEGINS))
         _cut(fitted, target, config, device, should_stop)

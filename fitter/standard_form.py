@@ -27,8 +27,11 @@ from .placement import canonical_sign, matrix_of, multiply, quaternion_of
 from .snap_axes import ROTATIONS
 from .ties import Copied, Ties, tidy, turn_between
 
-THIN = 0.02
-"""A size below this share of the dilation is none."""
+THIN = 0.08
+"""A size below this share of the dilation may be none."""
+
+SLENDER = 10.0
+"""A capsule longer than this many radii may be a rod with flat ends, which are too small to have been told apart."""
 
 NEARLY_ONE = 0.99
 """Onion above which a wall is none, where dilation makes it thick."""
@@ -71,6 +74,9 @@ def standard_forms(rows: np.ndarray, judge: Judge, copies: Sequence[Copied] = ()
         bare = _without_extent(form.rows[index], name)
         if not np.array_equal(bare, form.rows[index]):
             form.attempt(index, _tuned(bare, name, partial(form.objective_with, index)), SIMPLER)
+        flat = _flat_ended(form.rows[index], name)
+        if not np.array_equal(flat, form.rows[index]):
+            form.attempt(index, _tuned(flat, name, partial(form.objective_with, index)), 0.0)
         form.attempt(index, _plainest_pose(form.rows[index], name))
     return form.rows
 
@@ -100,7 +106,7 @@ class _Forms:
         if objective < self.objective - fall:
             shift, misfit = self._shift(index, row)
             coarse = objective >= self.objective - COARSE and shift <= misfit
-            if shift > MOST_SHIFT and not (fall > COSTLESS and coarse):
+            if fall <= 0.0 or (shift > MOST_SHIFT and not (fall > COSTLESS and coarse)):
                 return
         self.rows, self.objective = rows, objective
 
@@ -168,6 +174,20 @@ def _without_extent(row: np.ndarray, name: str) -> np.ndarray:
     return changed
 
 
+def _flat_ended(row: np.ndarray, name: str) -> np.ndarray:
+    """The cylinder that is as long and as thick as a capsule: a thin rod ends as one or the other."""
+    dilation = parameter_of(row, name, "dilation", 0.0)
+    width, depth, length = row[SHAPES : SHAPES + 3].tolist()
+    if dilation <= 0.0 or width > 0.0 or depth > 0.0 or length < SLENDER * dilation:
+        return row
+    changed = row.copy()
+    shape = family(name).shape_row(
+        size=(2.0 * dilation, 2.0 * dilation, length + 2.0 * dilation), roundness=1.0
+    )
+    changed[SHAPES : SHAPES + len(shape)] = shape
+    return changed
+
+
 def _canonical(row: np.ndarray, name: str) -> np.ndarray:
     """A row with every parameter canonical that is so but for rounding."""
     tried: set[tuple[str, float]] = set()
@@ -184,14 +204,18 @@ def _canonical(row: np.ndarray, name: str) -> np.ndarray:
 
 
 def _distance(row: np.ndarray, name: str, parameter: str, value: float) -> float:
+    """How far a parameter is from a canonical value, as `NEAR` counts it."""
+    found = parameter_of(row, name, parameter, value)
     if parameter == "square":
         x, y = (float(size) for size in row[SHAPES : SHAPES + 2])
         return abs(x - y) / max(x, y)
-    return (
-        abs(parameter_of(row, name, parameter, value) - value)
-        if parameter != "onion"
-        else max(0.0, parameter_of(row, name, parameter, value))
-    )
+    if parameter == "onion":
+        return max(0.0, found)
+    if parameter == "taper":
+        # What dilation makes thick tapers less than its profile does.
+        width = float(row[SHAPES : SHAPES + 2].max())
+        return abs(found - value) * width / (width + 2.0 * parameter_of(row, name, "dilation", 0.0))
+    return abs(found - value)
 
 
 def _plainest_pose(row: np.ndarray, name: str) -> np.ndarray:

@@ -28,7 +28,7 @@ from .objective import Score, Tally
 from .progress import Progress
 from .refine import fold
 from .samples import objective_samples
-from .select import prune
+from .select import prune, without_air
 
 
 class Workbench:
@@ -104,6 +104,10 @@ class Workbench:
         if len(left) < len(rows):
             self.remembered = rows[left, :BLEND], values[left]
         return rows[left], self.assess(rows[left])
+
+    def solid_rows(self, rows: np.ndarray) -> np.ndarray:
+        """Rows without those that hold more air than solid."""
+        return rows[without_air(hold(self.values(rows) < 0, serial_device()), self.tally)]
 
     def look(self) -> None:
         """Evaluate the best so far on the grid: its field, which the next residual needs, and its IoU.

@@ -15,6 +15,7 @@ import warp as wp
 from ..assembly.transform import Transform
 from .grid import distance_grid
 from .samples import make_samples
+from .solid import Solid
 from .solid_query import SolidQuery
 from .target import Target
 from .topology import connected_labels, find_edges, label_patches, label_touching, open_patches
@@ -81,18 +82,47 @@ def piece_target(
     Returns:
         Its `transform` takes the part's normalised frame to that of the whole, not to mesh units.
     """
-    half = 0.5 * whole.solid.thickness if len(piece.sheet_faces) else 0.0
-    low, high = piece.vertices.min(axis=0) - half, piece.vertices.max(axis=0) + half
-    transform = Transform.from_bounds(low, high)
-    vertices = transform.to_normalised(piece.vertices).astype(np.float32)
     solid = replace(
         whole.solid,
-        vertices=vertices,
+        vertices=piece.vertices,
         winding_faces=piece.winding_faces,
         boundary_faces=piece.winding_faces,
         boundary_source=np.arange(len(piece.winding_faces)),
         sheet_faces=piece.sheet_faces,
-        thickness=2.0 * half / transform.scale,
+        thickness=whole.solid.thickness if len(piece.sheet_faces) else 0.0,
+    )
+    faces = np.concatenate([piece.winding_faces, piece.sheet_faces])
+    return solid_target(solid, piece.vertices, faces, whole, device, resolution, sample_count, seed)
+
+
+def solid_target(
+    solid: Solid,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    whole: Target,
+    device: wp.Device,
+    resolution: int,
+    sample_count: int,
+    seed: int,
+) -> Target:
+    """A decided solid as a target in a frame of its own.
+
+    Args:
+        solid: in some frame.
+        vertices, faces: (n, 3) and (m, 3) of the mesh, in that frame.
+        whole: the target that it comes from.
+        device, resolution, sample_count, seed: as in `make_target`.
+
+    Returns:
+        Its `transform` takes its normalised frame to that of the solid given, not to mesh units.
+    """
+    half = 0.5 * solid.thickness
+    low, high = vertices.min(axis=0) - half, vertices.max(axis=0) + half
+    transform = Transform.from_bounds(low, high)
+    solid = replace(
+        solid,
+        vertices=transform.to_normalised(solid.vertices).astype(np.float32),
+        thickness=solid.thickness / transform.scale,
     )
     query = SolidQuery(solid, device)
     grid = distance_grid(query, resolution)
@@ -101,8 +131,8 @@ def piece_target(
     return replace(
         whole,
         transform=transform,
-        vertices=vertices,
-        faces=np.concatenate([piece.winding_faces, piece.sheet_faces]),
+        vertices=transform.to_normalised(vertices).astype(np.float32),
+        faces=faces,
         parts=(),
         solid=solid,
         query=query,
