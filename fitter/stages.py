@@ -11,6 +11,7 @@ import warp as wp
 from ..target.target import Target
 from .config import FitConfig
 from .judge import Judge
+from .mirror_pairs import mirror_pairs
 from .outcome import Outcome
 from .per_part import fit_parts, grid_iou
 from .progress import Progress
@@ -148,11 +149,13 @@ def _snap(
 
 
 def _standardise(fitted: Fitted, target: Target, config: FitConfig, device: wp.Device) -> None:
-    """Each primitive in its standard form."""
+    """Each primitive in its standard form, and mirror pairs alike."""
     judge = Judge(target, config, device)
     rows = standard_forms(fitted.outcome.rows, judge, fitted.copies)
-    if not np.array_equal(rows, fitted.outcome.rows):
-        _take(fitted, rows, target, judge)
+    found = mirror_pairs(rows, target, judge, fitted.copies)
+    if not np.array_equal(found.rows, fitted.outcome.rows):
+        _take(fitted, found.rows, target, judge)
+    fitted.copies = list(found.copies)
 
 
 def _take(fitted: Fitted, rows: np.ndarray, target: Target, judge: Judge) -> None:

@@ -6,7 +6,7 @@ mesh's axes, their diagonals, and the principal axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,39 +65,48 @@ def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
 
 def find_symmetries(target: Target) -> list[Symmetry]:
     """Planes first, then axes with their highest order; the most exact first among either."""
-    near = target.samples.near
-    middle = 0.5 * (target.lower + target.upper)
-    middle = np.where(np.abs(middle) < 1e-9, 0.0, middle)
-    inside = target.samples.volume.points[target.samples.volume.distance < 0].astype(np.float64)
-    centroid = inside.mean(axis=0) if len(inside) > 8 else middle
-    probe = _Probe(target, near.points, near.distance)
-    planes, axes = [], []
-    for axis, label in _directions(inside):
-        choices = [_on_mesh(centre, axis, middle) for centre in (middle, centroid)]
-        plane = probe.best([Symmetry(f"symmetry about {label}", 1, axis, centre, 0.0) for centre in choices])
-        planes += [plane] if plane is not None else []
+    probe = _Probe(target)
+    axes = []
+    for axis, label in probe.directions:
         for order in reversed(ORDERS):
-            name = f"{order}-fold symmetry about {label}"
-            spin = probe.best([Symmetry(name, order, axis, centre, 0.0) for centre in (middle, centroid)])
+            spin = probe.best(f"{order}-fold symmetry about {label}", order, axis)
             if spin is not None:
                 axes.append(spin)
                 break
-    return sorted(planes + axes, key=lambda found: (found.order != 1, -found.order, round(found.change, 4)))
+    return probe.planes() + sorted(axes, key=lambda found: (-found.order, round(found.change, 4)))
+
+
+def find_planes(target: Target) -> list[Symmetry]:
+    """Planes of mirror symmetry, the most exact first."""
+    return _Probe(target).planes()
 
 
 class _Probe:
     """The target's distances at moved points."""
 
-    def __init__(self, target: Target, points: np.ndarray, distance: np.ndarray):
-        self.target, self.points, self.distance = target, points, distance
+    def __init__(self, target: Target):
+        near, volume = target.samples.near, target.samples.volume
+        self.target, self.points, self.distance = target, near.points, near.distance
+        middle = 0.5 * (target.lower + target.upper)
+        self.middle = np.where(np.abs(middle) < 1e-9, 0.0, middle)
+        inside = volume.points[volume.distance < 0].astype(np.float64)
+        self.centroid = inside.mean(axis=0) if len(inside) > 8 else self.middle
+        self.directions = _directions(inside)
 
-    def best(self, candidates: list[Symmetry]) -> Symmetry | None:
-        """The most exact candidate that passes, None if none does."""
-        measured = [(self.change(candidate), candidate) for candidate in candidates]
+    def planes(self) -> list[Symmetry]:
+        """Those that pass, the most exact first."""
+        found = [self.best(f"symmetry about {label}", 1, axis) for axis, label in self.directions]
+        return sorted((plane for plane in found if plane is not None), key=lambda plane: round(plane.change, 4))
+
+    def best(self, name: str, order: int, axis: np.ndarray) -> Symmetry | None:
+        """The more exact one of those through the middle and the centroid, if it passes."""
+        centres = [_on_mesh(centre, axis, self.middle) for centre in (self.middle, self.centroid)]
+        measured = [
+            (self.change(candidate), candidate)
+            for candidate in (Symmetry(name, order, axis, centre, 0.0) for centre in centres)
+        ]
         change, candidate = min(measured, key=lambda entry: entry[0])
-        if change > MOST_CHANGE:
-            return None
-        return Symmetry(candidate.name, candidate.order, candidate.axis, candidate.centre, change)
+        return None if change > MOST_CHANGE else replace(candidate, change=change)
 
     def change(self, candidate: Symmetry) -> float:
         """95th percentile of the change of distance, infinite where the first look fails."""
