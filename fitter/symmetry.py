@@ -96,7 +96,9 @@ class _Probe:
     def planes(self) -> list[Symmetry]:
         """Those that pass, the most exact first."""
         found = [self.best(f"symmetry about {label}", 1, axis) for axis, label in self.directions]
-        return sorted((plane for plane in found if plane is not None), key=lambda plane: round(plane.change, 4))
+        return sorted(
+            (plane for plane in found if plane is not None), key=lambda plane: round(plane.change, 4)
+        )
 
     def best(self, name: str, order: int, axis: np.ndarray) -> Symmetry | None:
         """The more exact one of those through the middle and the centroid, if it passes."""
