@@ -1,6 +1,7 @@
 """HTML: one self-contained page that draws the exact field of an assembly and edits its numbers, offline.
 
-The page's sources lie in `page/`; each family's GLSL comes from its own file. What is put in is text or JSON, never
+The page's sources lie in `page/`; the GLSL of families, and of what combines them, comes from the kernels' own
+files. What is put in is text or JSON, never
 markup, and the page's own policy lets it send no request.
 """
 
@@ -20,6 +21,7 @@ from resfit.errors import InputError
 from ..assembly.assembly import Assembly
 from ..assembly.atomic_write import write_bytes
 from ..assembly.document import FORMAT, VERSION
+from ..kernels.combine import GLSL as COMBINE_GLSL
 from ..kernels.primitives import FAMILIES, Family
 from .overlay import Surface, mesh_table
 
@@ -92,6 +94,7 @@ def page_text(
         "primitives": document["primitives"],
         "provenance": provenance,
         "families": {name: family_table(FAMILIES[name]) for name in names},
+        "combine": COMBINE_GLSL,
         "shader": shader_text(names, count),
         "mesh": None if mesh is None else mesh_table(mesh, assembly),
     }
@@ -145,6 +148,7 @@ def shader_text(names: list[str], part_count: int) -> str:
             "precision highp int;",
             "precision highp sampler2D;",
             f"#define WORDS {max(1, -(-part_count // 32))}",
+            COMBINE_GLSL,
             *(FAMILIES[name].glsl for name in names),
             "float family_distance(int family, vec3 p, float s[8]) {",
             *cases,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.combine import combined, combined_share
 from .config import AdamConfig
 from .refine import MASK
 
@@ -53,8 +54,7 @@ def fold_prefixes(gated: np.ndarray, blends: np.ndarray) -> np.ndarray:
     """Smooth unions (primitive_count, n) of the first k + 1 gated distances; the first blend is unused."""
     prefixes = [gated[0]]
     for value, blend in zip(gated[1:], blends[1:], strict=True):
-        near = np.maximum(blend - np.abs(prefixes[-1] - value), 0.0)
-        prefixes.append(np.minimum(prefixes[-1], value) - near**2 / (4.0 * max(blend, 1e-12)))
+        prefixes.append(combined(prefixes[-1], value, blend))
     return np.stack(prefixes)
 
 
@@ -64,8 +64,7 @@ def unfold(
     """Undo the fold from its end: derivatives to each gated distance (primitive_count, n), and to the blends."""
     carry, passed, blend_grad = field_grad, np.zeros_like(gated), np.zeros(len(gated))
     for k in range(len(gated) - 1, 0, -1):
-        keep = 0.5 + (gated[k] - prefixes[k - 1]) / (2.0 * max(blends[k], 1e-12))
-        keep = np.clip(keep, 0.0, 1.0)
+        keep = combined_share(prefixes[k - 1], gated[k], blends[k])
         passed[k] = carry * (1.0 - keep)
         blend_grad[k] = -(passed[k] * keep).sum()
         carry = carry * keep

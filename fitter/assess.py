@@ -8,12 +8,12 @@ import numpy as np
 import warp as wp
 
 from ..kernels.blends import BlendTrials
+from ..kernels.combine import fold
 from ..kernels.field import primitives_at
 from ..kernels.points import PointBlocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, SHAPES
 from .objective import UNOVERLAP_PRICE, Score, Tally
-from .refine import fold
 
 BLEND_CHOICES = (0.0, 0.01, 0.02, 0.035, 0.055)
 """Blend radii that are tried, ascending, normalised units."""

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import warp as wp
 
+from ..kernels.combine import FAR
 from ..kernels.idle import drop_idle
 from ..kernels.loss_points import MASK as MASK
 from ..kernels.loss_points import contributions, drop_blocks, loss_points, weigh_points
@@ -24,7 +25,6 @@ from ..kernels.ownership import find_owners, list_candidates, ownership_arrays
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.replay import Replay
 from ..kernels.steps import Damping, advance, judge_together, rows_of, step_state
-from ..kernels.union import FAR
 from .config import RefineConfig
 from .levenberg import fit_ranges
 from .objective import ObjectiveSamples
@@ -39,18 +39,6 @@ RAISE = 2.4
 
 ANNEALED = 0.3
 """Share of the steps after which it rises no more."""
-
-
-def fold(values: Sequence[np.ndarray] | np.ndarray, blends: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Smooth union (n,) of distances (primitive_count, n), folded left; the first blend is unused."""
-    union = values[0]
-    for value, blend in zip(values[1:], blends[1:], strict=True):
-        lower = np.minimum(union, value)
-        if blend > 0:
-            near = np.maximum(blend - np.abs(union - value), 0)
-            lower = lower - near * near * (0.25 / blend)
-        union = lower
-    return union
 
 
 def refine(

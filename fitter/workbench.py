@@ -12,6 +12,7 @@ import warp as wp
 from ..decomposition.neighbours import coarse_cells, divide, halves, neighbour_pairs, part_regions
 from ..decomposition.region import Region
 from ..decomposition.target_cells import target_cells
+from ..kernels.combine import fold
 from ..kernels.culling import bound_blocks, cull
 from ..kernels.field import cell_centres, union_at
 from ..kernels.inside import InsideTest
@@ -26,7 +27,6 @@ from .assess import score_values, values_at
 from .config import FitConfig
 from .objective import Score, Tally
 from .progress import Progress
-from .refine import fold
 from .samples import objective_samples
 from .select import prune, without_air
 

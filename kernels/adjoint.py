@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .combine import FAR
 from .frame import Frame, to_world_direction
 from .launch import PLAIN_OPTIONS, launch
 from .points import BLOCK, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
 from .rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
-from .union import FAR
 from .union_fold import BLEND_SUM_C, GATE_SUM_C, SUMS, SUMS_C, fold_kernels
 
 wp.set_module_options(PLAIN_OPTIONS)

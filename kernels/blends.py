@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from .buffers import Buffer
+from .combine import smooth_minimum_double
 from .launch import VECTOR_OPTIONS, launch
 from .replay import Replay
 
@@ -24,16 +25,6 @@ CHUNK_C = wp.constant(CHUNK)
 SUMS = 5
 """Sums of the points in a union: weights by kind, 0 to 3, and how many of them are marked."""
 SUMS_C = wp.constant(SUMS)
-
-
-@wp.func
-def smooth_minimum_double(a: wp.float64, b: wp.float64, blend: wp.float64) -> wp.float64:
-    """Quadratic smooth minimum of radius `blend`, which may be 0."""
-    union = wp.min(a, b)
-    near = blend - wp.abs(a - b)
-    if near > wp.float64(0.0):
-        union -= near * near * (wp.float64(0.25) / blend)
-    return union
 
 
 @wp.kernel

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .combine import FAR, quarter_inverse, smooth_minimum
 from .frame import Frame, to_local
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .made_once import made_once
@@ -20,7 +21,6 @@ from .points import BLOCK, BLOCK_C, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
-from .union import FAR, quarter_inverse, smooth_minimum
 from .vector_math import larger, smaller
 
 wp.set_module_options(PLAIN_OPTIONS)

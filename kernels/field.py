@@ -5,6 +5,7 @@
 import numpy as np
 import warp as wp
 
+from .combine import FAR, gated, quarter_inverse, smooth_minimum
 from .culling import ActiveLists, BlockBounds, active_lists
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
@@ -13,7 +14,6 @@ from .points import BLOCK_C, PointBlocks, from_grid_blocks, grid_blocks, point_b
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
-from .union import FAR, gated, quarter_inverse, smooth_minimum
 from .vector_math import larger
 
 BLOCK_SECONDS = 1.2e-7

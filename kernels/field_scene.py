@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from .camera import Rays
+from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .field import primitives_at, union_at
 from .gradient import union_gradient_at
 from .isosurface import tight_bounds
@@ -15,7 +16,6 @@ from .points import BLOCK, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
 from .rows import BLEND_C, GATE_C, ROW_C
 from .shading import to_linear
-from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 
 wp.set_module_options(PLAIN_OPTIONS)
 

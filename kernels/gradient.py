@@ -5,6 +5,7 @@
 import numpy as np
 import warp as wp
 
+from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .culling import ActiveLists, BlockBounds, active_lists
 from .frame import Frame, to_local, to_world_direction
 from .launch import VECTOR_OPTIONS, launch
@@ -13,7 +14,6 @@ from .points import BLOCK_C, PointBlocks, point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C, Derivatives
-from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .vector_math import larger
 
 BLOCK_SECONDS = 3e-7

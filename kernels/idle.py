@@ -8,6 +8,7 @@ every point, so is what each listed primitive would have to move to change it.
 
 import warp as wp
 
+from .combine import gated
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .loss_points import MOVE
@@ -17,7 +18,6 @@ from .points import BLOCK_C, PointBlocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
-from .union import gated
 from .vector_math import larger
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .combine import FAR, gated, quarter_inverse, smooth_minimum
 from .culling import BlockBounds, bound_primitives
 from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
@@ -19,7 +20,6 @@ from .points import BLOCK, BLOCK_C, PointBlocks
 from .primitive_set import PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
-from .union import FAR, gated, quarter_inverse, smooth_minimum
 from .vector_math import larger, smaller
 
 wp.set_module_options(VECTOR_OPTIONS)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .combine import FAR
 from .launch import launch
 from .primitive_set import PrimitiveSet
 from .rows import BLEND_C, GATE_C, ROTATION_C, ROW, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
@@ -25,7 +26,6 @@ from .small_solve import (
     SystemRow,
     damped_step,
 )
-from .union import FAR
 
 wp.set_module_options(SOLVER_OPTIONS)
 

@@ -9,6 +9,7 @@ it. Listed are the primitives that change the union at some point of the block: 
 
 import warp as wp
 
+from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .family import Family
 from .frame import Frame, to_local
 from .jacobian import TANGENT_C, JacobianRow, jacobian_row
@@ -17,7 +18,6 @@ from .made_once import made_once
 from .points import BLOCK_C
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C, TANGENT
-from .union import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .vector_math import larger
 
 SUMS = TANGENT + 2

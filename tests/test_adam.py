@@ -10,9 +10,9 @@ from scenes import random_rows
 from resfit.fitter.adam import refine_with_adam
 from resfit.fitter.adam_loss import fold_prefixes, unfold
 from resfit.fitter.config import AdamConfig
-from resfit.fitter.refine import fold
 from resfit.fitter.samples import objective_samples
 from resfit.fitter.sweep_axis import SweepAxes, turned_copies
+from resfit.kernels.combine import fold
 from resfit.kernels.field import evaluate_grid, evaluate_primitives
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitive_set import PrimitiveSet

@@ -6,7 +6,7 @@ import numpy as np
 
 from resfit.fitter.assess import BLEND_CHOICES, choose_blends
 from resfit.fitter.objective import UNOVERLAP_PRICE, ObjectiveSamples, Tally
-from resfit.fitter.refine import fold
+from resfit.kernels.combine import fold
 from resfit.kernels.rows import BLEND, empty_rows
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from resfit.kernels.combine import DIFFERENCE, UNION, combined, combined_share
+from resfit.kernels.combine import GLSL as COMBINE_GLSL
 from resfit.kernels.field import evaluate_primitives
 from resfit.kernels.launch import choose_device
 from resfit.kernels.primitive_set import PrimitiveSet
@@ -96,10 +98,12 @@ def encoded(values: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, np.float32).tobytes()).decode()
 
 
-def evaluate_in_browser(page: Page, name: str, shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Field (k, n) of the shapes (k, SHAPE) at their own points (k, n, 3), by the family's GLSL text."""
+def evaluate_in_browser(
+    page: Page, name: str, glsl: str, shapes: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Values (k, n) of the GLSL function `sdf_<name>` for shapes (k, SHAPE) at their own points (k, n, 3)."""
     padded = np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)
-    arguments = [FAMILIES[name].glsl, name, encoded(shapes), encoded(padded), *points.shape[:2]]
+    arguments = [glsl, name, encoded(shapes), encoded(padded), *points.shape[:2]]
     result: dict[str, Any] = json.loads(json.dumps(page.evaluate(EVALUATE, arguments)))
     assert "error" not in result, result["error"]
     assert result["code"] == 0
@@ -203,7 +207,7 @@ def test_text_equals_field(name: str, page: Page, rng: np.random.Generator) -> N
     shapes = np.concatenate([special_shapes(name), random_shapes(name, 256, rng)])
     points = sample_points(shapes, rng)
     in_browser, in_warp = (
-        evaluate_in_browser(page, name, shapes, points),
+        evaluate_in_browser(page, name, FAMILIES[name].glsl, shapes, points),
         evaluate_in_warp(name, shapes, points),
     )
     assert np.isfinite(in_browser).all()
@@ -212,3 +216,18 @@ def test_text_equals_field(name: str, page: Page, rng: np.random.Generator) -> N
     difference[~away_from_arc_centre(name, shapes, points)] = 0.0
     worst = np.unravel_index(difference.argmax(), difference.shape)
     assert difference[worst] < TOLERANCE, (shapes[worst[0]], points[worst], in_browser[worst], in_warp[worst])
+
+
+@pytest.mark.parametrize("operation", [UNION, DIFFERENCE])
+def test_combining_equals_its_twin(operation: float, page: Page, rng: np.random.Generator) -> None:
+    wrapped = """
+float sdf_value(vec3 p, float s[8]) { return combine(p.x, p.y, p.z, s[0]); }
+float sdf_share(vec3 p, float s[8]) { return combine_share(p.x, p.y, p.z, s[0]); }
+"""
+    points = rng.uniform(-1.0, 1.0, (1, 4000, 3)).astype(np.float32)
+    points[..., 2] = np.where(rng.random(4000) < 0.2, 0.0, np.abs(points[..., 2]))
+    shapes = np.full((1, SHAPE), operation, np.float32)
+    for name, twin in (("value", combined), ("share", combined_share)):
+        found = evaluate_in_browser(page, name, COMBINE_GLSL + wrapped, shapes, points)[0]
+        expected = [twin(a, b, float(blend), operation) for a, b, blend in points[0].astype(np.float64)]
+        assert np.abs(found - expected).max() < 1e-5

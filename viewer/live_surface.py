@@ -16,6 +16,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.colors import rgb
 from ..assembly.primitive import Primitive
 from ..assembly.surface import Surface, part_surface, union_surface
+from ..kernels.combine import combined, combined_share
 from ..kernels.field import evaluate_primitives
 
 LIVE_CELLS, PART_CELLS = 16, 24
@@ -109,11 +110,7 @@ def blended_colors(assembly: Assembly, values: np.ndarray) -> np.ndarray:
         np.tile(rgb(assembly.primitives[0].color), (values.shape[1], 1)),
     )
     for part, value in zip(assembly.primitives[1:], values[1:], strict=True):
-        if part.blend > 0.0:
-            share = np.clip(0.5 + 0.5 * (field - value) / part.blend, 0.0, 1.0)
-        else:
-            share = (value < field).astype(np.float64)
+        share = 1.0 - combined_share(field, value, part.blend)
         color += share[:, None] * (np.asarray(rgb(part.color)) - color)
-        near = np.maximum(part.blend - np.abs(field - value), 0.0)
-        field = np.minimum(field, value) - near * near * 0.25 / max(part.blend, 1e-12)
+        field = combined(field, value, part.blend)
     return np.round(255.0 * color).astype(np.uint8)

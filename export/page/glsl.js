@@ -31,7 +31,7 @@ function assemblyGlsl() {
   return `// Signed distance of an assembly in its normalised frame, negative inside. GLSL ES 3.00, highp floats.
 // mesh = ${model.transform.scale} * normalised + (${model.transform.translation.join(', ')})
 // On Shadertoy: paste all of this into Image; drag to orbit. Elsewhere: take what is above the line of Shadertoy.
-${used.map(name => FAMILIES[name].glsl.trim()).join('\n')}
+${[...used.map(name => FAMILIES[name].glsl), COMBINE].map(text => text.trim()).join('\n')}
 float family_distance(int family, vec3 p, float s[8]) {
 ${cases.join('\n')}
   return 1e30;
@@ -56,9 +56,9 @@ float assembly(vec3 p, out vec3 c) {
     float blend = TABLE[${ROW} * i].w;
     // Too far away to change anything: the result is the same without it.
     if (TABLE[${ROW} * i + 6].y * (length(p - ball.xyz) - ball.w) > max(d + blend, 0.0)) continue;
-    float f = part_distance(${ROW} * i, p), near = max(blend - abs(d - f), 0.0);
-    c = mix(TABLE[${ROW} * i + 5].rgb, c, clamp(0.5 + (f - d) * 0.5 / max(blend, 1e-12), 0.0, 1.0));
-    d = min(d, f) - near * near * 0.25 / max(blend, 1e-12);
+    float f = part_distance(${ROW} * i, p);
+    c = mix(TABLE[${ROW} * i + 5].rgb, c, combine_share(d, f, blend, 1.0));
+    d = combine(d, f, blend, 1.0);
   }
   return d;
 }

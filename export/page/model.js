@@ -2,7 +2,7 @@
 'use strict';
 
 const DATA = JSON.parse(document.getElementById('data').textContent);
-const FAMILIES = DATA.families;
+const FAMILIES = DATA.families, COMBINE = DATA.combine;
 const FAMILY_NAMES = Object.keys(FAMILIES);
 const LONGEST_NAME = 128;
 

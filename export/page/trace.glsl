@@ -80,11 +80,6 @@ vec2 part_distance(int i, vec3 p, vec3 centre) {
   return vec2(f, safe);
 }
 
-float smooth_minimum(float a, float b, float blend) {
-  float near = max(blend - abs(a - b), 0.0);
-  return min(a, b) - near * near * 0.25 / max(blend, 1e-12);
-}
-
 // The union of the wanted parts: its distance, and a safe step. Parts too far to blend in are left out, exactly.
 vec2 field(vec3 p) {
   vec2 whole = vec2(NONE);
@@ -95,7 +90,7 @@ vec2 field(vec3 p) {
       float low = entry(i, 7).y * (length(p - ball.xyz) - ball.w);
       if (low > max(whole.x + place.w, 0.0)) continue;
       vec2 part = part_distance(i, p, place.xyz);
-      whole = vec2(smooth_minimum(whole.x, part.x, place.w), smooth_minimum(whole.y, part.y, place.w));
+      whole = vec2(combine(whole.x, part.x, place.w, 1.0), combine(whole.y, part.y, place.w, 1.0));
     }
   }
   return whole;
@@ -114,7 +109,7 @@ vec4 paint(vec3 p, out int owner) {
       float low = entry(i, 7).y * (length(p - ball.xyz) - ball.w);
       if (low > max(whole + place.w, 0.0)) continue;
       float f = part_distance(i, p, place.xyz).x;
-      float old = clamp(0.5 + (f - whole) * 0.5 / max(place.w, 1e-12), 0.0, 1.0);
+      float old = combine_share(whole, f, place.w, 1.0);
       if (owner < 0) old = 0.0;
       mixed = mix(vec4(entry(i, 6).rgb, entry(i, 7).z), mixed, old);
       largest *= old;
@@ -122,7 +117,7 @@ vec4 paint(vec3 p, out int owner) {
         largest = 1.0 - old;
         owner = i;
       }
-      whole = smooth_minimum(whole, f, place.w);
+      whole = combine(whole, f, place.w, 1.0);
     }
   }
   return mixed;

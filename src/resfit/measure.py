@@ -21,13 +21,12 @@ from resfit.fitter.assess import values_at
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.objective import Score, Tally
 from resfit.fitter.outcome import Outcome
-from resfit.fitter.refine import fold
 from resfit.fitter.samples import objective_samples
 from resfit.kernels import launch
+from resfit.kernels.combine import FAR, fold
 from resfit.kernels.points import point_blocks
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
-from resfit.kernels.union import FAR
 from resfit.result import FitResult, describe_input
 from resfit.target.target import Target
 
