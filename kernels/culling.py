@@ -9,16 +9,19 @@ the very same values (spec section 12).
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
+from .block import launch_pairs
 from .combine import FAR, quarter_inverse, smooth_minimum
-from .frame import Frame, to_local
+from .frame import to_local
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .made_once import made_once
-from .points import BLOCK, BLOCK_C, PointBlocks, padded_count
-from .primitive_set import PrimitiveSet
+from .points import BLOCK, BLOCK_C, PointBlocks, Points, at, padded_count, points_argument
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
 from .vector_math import larger, smaller
@@ -29,12 +32,32 @@ MARGIN = wp.constant(1.0e-5)
 """Slack for the float32 error of the bounds."""
 
 
+@wp.struct
+class Lists:
+    """The primitives to evaluate in each block as an argument of kernels; see `ActiveLists`."""
+
+    ids: wp.array[int]
+    counts: wp.array[int]
+
+
+def lists_argument(ids: wp.array, counts: wp.array) -> Any:
+    """Lists of primitives as one argument of a kernel."""
+    lists = Lists()
+    lists.ids, lists.counts = ids, counts
+    return lists
+
+
 @dataclass(frozen=True)
 class ActiveLists:
     """The primitives to evaluate in each block, in list order: ids[block * primitive_count + n], n < counts[block]."""
 
     ids: wp.array
     counts: wp.array
+
+    @cached_property
+    def argument(self) -> Any:
+        """A `Lists`."""
+        return lists_argument(self.ids, self.counts)
 
 
 @wp.kernel
@@ -91,28 +114,26 @@ def bound_kernel(name: str) -> wp.Kernel:
     @wp.kernel(module=module)
     def bound_primitives_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        radius: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        begin: int,
+        points: Points,
+        radius: wp.array[float],
         group_count: int,
         # outputs
         out_middle: wp.array[float],
         out_reach: wp.array[float],
     ):
         t = first + wp.tid()
-        k = begin + t / group_count
+        k = primitives.begin + t / group_count
         base = (t - (t / group_count) * group_count) * BLOCK_C
         store = k * group_count * BLOCK_C + base
-        f = frames[k]
+        f = primitives.frames[k]
         s = tables[k]
         for j in range(BLOCK_C):
-            px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
+            i = base + j
+            px, py, pz = to_local(f, at(points.x, i), at(points.y, i), at(points.z, i))
             out_middle[store + j] = sdf(s, px, py, pz)
-            out_reach[store + j] = reach(s, px, py, pz, radius[base + j])
+            out_reach[store + j] = reach(s, px, py, pz, radius[i])
 
     return bound_primitives_kernel
 
@@ -164,6 +185,11 @@ class BlockBounds:
     z: wp.array
     radius: wp.array
 
+    @cached_property
+    def points(self) -> Any:
+        """The centres as one argument of a kernel: a `Points`."""
+        return points_argument(self.x, self.y, self.z)
+
 
 def bound_blocks(blocks: PointBlocks) -> BlockBounds:
     """Bounding spheres of all blocks: computed once for points that are evaluated often."""
@@ -190,24 +216,14 @@ def bound_primitives(
     """
     size, device = bounds.x.shape[0], primitives.device
     middle, reach = out or (wp.empty(len(primitives) * size, dtype=float, device=device) for _ in range(2))
-    for run in primitives.runs:
-        launch(
-            bound_kernel(run.family.name),
-            run.count * (size // BLOCK),
-            [
-                bounds.x,
-                bounds.y,
-                bounds.z,
-                bounds.radius,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                run.begin,
-                size // BLOCK,
-            ],
-            [middle, reach],
-            device,
-            seconds_per_thread=3e-7,
-        )
+    launch_pairs(
+        bound_kernel,
+        primitives,
+        size // BLOCK,
+        [bounds.points, bounds.radius, size // BLOCK],
+        [middle, reach],
+        3e-7,
+    )
     return middle, reach
 
 

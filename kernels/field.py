@@ -5,16 +5,15 @@
 import numpy as np
 import warp as wp
 
+from .block import BlockFloats, block_functions, launch_pairs, launch_runs
 from .combine import FAR, gated, quarter_inverse, smooth_minimum
-from .culling import ActiveLists, BlockBounds, active_lists
-from .frame import Frame, to_local
-from .launch import VECTOR_OPTIONS, launch
+from .culling import ActiveLists, BlockBounds, Lists, active_lists
+from .launch import VECTOR_OPTIONS
 from .made_once import made_once
-from .points import BLOCK_C, PointBlocks, from_grid_blocks, grid_blocks, point_blocks
-from .primitive_set import PrimitiveSet
+from .points import BLOCK_C, PointBlocks, Points, from_grid_blocks, grid_blocks, point_blocks
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
-from .vector_math import larger
 
 BLOCK_SECONDS = 1.2e-7
 """One primitive over one block of points, forward, on one core: decides when a launch is split."""
@@ -22,96 +21,58 @@ BLOCK_SECONDS = 1.2e-7
 
 @made_once
 def field_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
-    """Kernels of the family `name`: each primitive alone, and the union folded on over a run of primitives.
-
-    A block whose points all lie outside the slow zone takes the cheaper form of the field.
-    """
+    """Kernels of the family `name`: each primitive alone, and the union folded on over a run of primitives."""
     module = f"resfit.kernels.field.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf = entry.sdf
-    fast = entry.fast or entry.sdf
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def evaluate_primitives_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        begin: int,
+        points: Points,
         block_count: int,
         # outputs
         out_values: wp.array[float],
     ):
         t = first + wp.tid()
-        k = t / block_count
-        base = (t - k * block_count) * BLOCK_C
-        store = (begin + k) * block_count * BLOCK_C + base
-        f = frames[begin + k]
-        s = tables[begin + k]
-        slow = float(0.0)
-        if wp.static(has_slow_zone):
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                slow += larger(slow_zone(s, px, py, pz), 0.0)
-        if slow > 0.0:
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                out_values[store + j] = sdf(s, px, py, pz)
-        else:
-            for j in range(BLOCK_C):
-                px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                out_values[store + j] = fast(s, px, py, pz)
+        n = t / block_count
+        k = primitives.begin + n
+        base = (t - n * block_count) * BLOCK_C
+        distance = BlockFloats()
+        block_distances(points, base, primitives.frames[k], tables[k], distance)
+        store = k * block_count * BLOCK_C + base
+        for j in range(BLOCK_C):
+            out_values[store + j] = distance[j]
 
     @wp.kernel(module=module)
     def fold_union_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        rows: wp.array[float],
-        ids: wp.array[int],
-        counts: wp.array[int],
-        primitive_count: int,
-        run: wp.vec2i,
+        points: Points,
+        lists: Lists,
         # outputs
         out_field: wp.array[float],
     ):
         block = first + wp.tid()
         base = block * BLOCK_C
-        if run[0] == 0:
+        distance = BlockFloats()
+        if primitives.begin == 0:
             for j in range(BLOCK_C):
                 out_field[base + j] = FAR
-        for n in range(counts[block]):
-            k = ids[block * primitive_count + n]
-            if k >= run[0] and k < run[1]:
-                f = frames[k]
-                s = tables[k]
-                blend = rows[k * ROW_C + BLEND_C]
-                gate = rows[k * ROW_C + GATE_C]
+        for n in range(lists.counts[block]):
+            k = lists.ids[block * primitives.count + n]
+            if k >= primitives.begin and k < primitives.end:
+                block_distances(points, base, primitives.frames[k], tables[k], distance)
+                blend = primitives.rows[k * ROW_C + BLEND_C]
+                gate = primitives.rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
-                slow = float(0.0)
-                if wp.static(has_slow_zone):
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow += larger(slow_zone(s, px, py, pz), 0.0)
-                if slow > 0.0:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        value = gated(sdf(s, px, py, pz), gate)
-                        out_field[base + j] = smooth_minimum(out_field[base + j], value, blend, quarter)
-                else:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        value = gated(fast(s, px, py, pz), gate)
-                        out_field[base + j] = smooth_minimum(out_field[base + j], value, blend, quarter)
+                for j in range(BLOCK_C):
+                    value = gated(distance[j], gate)
+                    out_field[base + j] = smooth_minimum(out_field[base + j], value, blend, quarter)
 
     return evaluate_primitives_kernel, fold_union_kernel
 
@@ -123,23 +84,14 @@ def primitives_at(
     size = blocks.x.shape[0]
     if out_values is None:
         out_values = wp.empty(max(1, len(primitives) * size), dtype=float, device=blocks.device)
-    for run in primitives.runs:
-        launch(
-            field_kernels(run.family.name)[0],
-            run.count * blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                run.begin,
-                blocks.block_count,
-            ],
-            [out_values],
-            blocks.device,
-            seconds_per_thread=BLOCK_SECONDS,
-        )
+    launch_pairs(
+        lambda name: field_kernels(name)[0],
+        primitives,
+        blocks.block_count,
+        [blocks.points, blocks.block_count],
+        [out_values],
+        BLOCK_SECONDS,
+    )
     return out_values
 
 
@@ -161,26 +113,14 @@ def union_at(
         out_field.fill_(FAR)
         return out_field
     lists = lists or active_lists(primitives, blocks, bounds)
-    for run in primitives.runs:
-        launch(
-            field_kernels(run.family.name)[1],
-            blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                primitives.rows,
-                lists.ids,
-                lists.counts,
-                len(primitives),
-                wp.vec2i(run.begin, run.end),
-            ],
-            [out_field],
-            blocks.device,
-            seconds_per_thread=0.3 * BLOCK_SECONDS * run.count,
-        )
+    launch_runs(
+        lambda name: field_kernels(name)[1],
+        primitives,
+        blocks.block_count,
+        [blocks.points, lists.argument],
+        [out_field],
+        0.3 * BLOCK_SECONDS,
+    )
     return out_field
 
 

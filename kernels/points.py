@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -14,6 +16,28 @@ wp.set_module_options(PLAIN_OPTIONS)
 BLOCK = 64
 """Points a thread handles in one loop: enough for LLVM to vectorise (it unrolls loops of 16 and less)."""
 BLOCK_C = wp.constant(BLOCK)
+
+
+@wp.struct
+class Points:
+    """Coordinates of points as an argument of kernels: each (block_count * BLOCK,), normalised frame."""
+
+    x: wp.array[float]
+    y: wp.array[float]
+    z: wp.array[float]
+
+
+@wp.func_native("return numbers.data[i];")
+def at(numbers: wp.array[float], i: int) -> float:
+    """A number of an array without gaps. Warp knows that arguments of kernels have none, of fields it does not, and
+    then no loop becomes vector code."""
+
+
+def points_argument(x: wp.array, y: wp.array, z: wp.array) -> Any:
+    """Coordinate arrays as one argument of a kernel."""
+    points = Points()
+    points.x, points.y, points.z = x, y, z
+    return points
 
 
 @dataclass(frozen=True)
@@ -33,6 +57,11 @@ class PointBlocks:
     def block_count(self) -> int:
         """Number of blocks, padding included."""
         return self.x.shape[0] // BLOCK
+
+    @cached_property
+    def points(self) -> Any:
+        """The coordinates as one argument of a kernel: a `Points`."""
+        return points_argument(self.x, self.y, self.z)
 
     @property
     def device(self) -> wp.Device:

@@ -18,6 +18,21 @@ from .primitives import family
 from .rows import GATE, ROW, ROW_C
 
 
+@wp.struct
+class Primitives:
+    """A run of primitives of one family as an argument of kernels."""
+
+    frames: wp.array[Frame]
+    """(count,), of all primitives, as are the rows."""
+    rows: wp.array[float]
+    begin: int
+    """First primitive of the run."""
+    end: int
+    """One past its last."""
+    count: int
+    """Of all primitives."""
+
+
 @made_once
 def derive_kernel(name: str) -> wp.Kernel:
     """The kernel that fills frames and tables of the family called `name`."""
@@ -77,7 +92,18 @@ class PrimitiveSet:
         self.tables: dict[str, Any] = {
             run.family.name: wp.empty(len(rows), dtype=run.family.table, device=device) for run in self.runs
         }
+        self._arguments = {run.begin: self._argument(run) for run in self.runs}
         self.derive()
+
+    def _argument(self, run: Run) -> Any:
+        argument = Primitives()
+        argument.frames, argument.rows = self.frames, self.rows
+        argument.begin, argument.end, argument.count = run.begin, run.end, len(self)
+        return argument
+
+    def arguments(self, run: Run) -> Any:
+        """One of the `runs` as an argument of a kernel: a `Primitives`."""
+        return self._arguments[run.begin]
 
     def __len__(self) -> int:
         return len(self.families)

@@ -101,8 +101,8 @@ def test_holders_are_those_that_dense_evaluation_finds(device, rng):
 
 def test_reach_bounds_the_field(device, rng):
     """Within a block the field never leaves [f(c) - reach, f(c) + reach], bent and tapered primitives included."""
-    from resfit.kernels.culling import bound_blocks, bound_kernel
-    from resfit.kernels.points import BLOCK, padded_count
+    from resfit.kernels.culling import bound_blocks, bound_primitives
+    from resfit.kernels.points import padded_count
 
     for name in FAMILIES:
         families = [name] * 60
@@ -116,22 +116,7 @@ def test_reach_bounds_the_field(device, rng):
         bounds = bound_blocks(blocks)
         size = padded_count(blocks.block_count)
         middle, reach = (wp.zeros(60 * size, dtype=float, device=device) for _ in range(2))
-        launching.launch(
-            bound_kernel(name),
-            60 * (size // BLOCK),
-            [
-                bounds.x,
-                bounds.y,
-                bounds.z,
-                bounds.radius,
-                primitives.frames,
-                primitives.tables[name],
-                0,
-                size // BLOCK,
-            ],
-            [middle, reach],
-            device,
-        )
+        bound_primitives(primitives, bounds, (middle, reach))
         values = evaluate_primitives(primitives, points).reshape(60, 100, 64)
         at = middle.numpy().reshape(60, size)[:, :100, None]
         spread = reach.numpy().reshape(60, size)[:, :100, None]
