@@ -5,16 +5,16 @@
 import numpy as np
 import warp as wp
 
+from .block import block_functions, launch_runs
 from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
-from .culling import ActiveLists, BlockBounds, active_lists
-from .frame import Frame, to_local, to_world_direction
-from .launch import VECTOR_OPTIONS, launch
+from .culling import ActiveLists, BlockBounds, Lists, active_lists
+from .frame import to_world_direction
+from .launch import VECTOR_OPTIONS
 from .made_once import made_once
-from .points import BLOCK_C, PointBlocks, point_blocks
-from .primitive_set import PrimitiveSet
+from .points import BLOCK, BLOCK_C, PointBlocks, Points, point_blocks
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
-from .rows import BLEND_C, GATE_C, ROW_C, Derivatives
-from .vector_math import larger
+from .rows import BLEND_C, GATE_C, ROW_C
 
 BLOCK_SECONDS = 3e-7
 """One primitive over one block of points, on one core."""
@@ -25,49 +25,17 @@ def gradient_kernel(name: str) -> wp.Kernel:
     """The kernel that folds value and gradient of the union over a run of primitives of the family `name`."""
     module = f"resfit.kernels.gradient.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf_grad = entry.sdf_grad
-    fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
-
-    @wp.func
-    def fold(
-        i: int,
-        d: Derivatives,
-        f: Frame,
-        gate: float,
-        blend: float,
-        quarter: float,
-        field: wp.array[float],
-        gx: wp.array[float],
-        gy: wp.array[float],
-        gz: wp.array[float],
-    ):
-        before = field[i]
-        after = gated(d[0], gate)
-        wx, wy, wz = to_world_direction(f, d[1], d[2], d[3])
-        keep = smooth_minimum_share(before, after, quarter)
-        take = (1.0 - keep) * gate
-        field[i] = smooth_minimum(before, after, blend, quarter)
-        gx[i] = keep * gx[i] + take * wx
-        gy[i] = keep * gy[i] + take * wy
-        gz[i] = keep * gz[i] + take * wz
+    table = family(name).table
+    matrix = wp.types.matrix(shape=(4, BLOCK), dtype=float)
+    block_gradients = block_functions(name, BLOCK, 4).derivatives
 
     @wp.kernel(module=module)
     def fold_gradient_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        rows: wp.array[float],
-        ids: wp.array[int],
-        counts: wp.array[int],
-        primitive_count: int,
-        run: wp.vec2i,
+        points: Points,
+        lists: Lists,
         # outputs
         out_field: wp.array[float],
         out_x: wp.array[float],
@@ -76,35 +44,32 @@ def gradient_kernel(name: str) -> wp.Kernel:
     ):
         block = first + wp.tid()
         base = block * BLOCK_C
-        if run[0] == 0:
+        d = matrix()
+        if primitives.begin == 0:
             for j in range(BLOCK_C):
                 out_field[base + j] = FAR
                 out_x[base + j] = 0.0
                 out_y[base + j] = 0.0
                 out_z[base + j] = 0.0
-        for n in range(counts[block]):
-            k = ids[block * primitive_count + n]
-            if k >= run[0] and k < run[1]:
-                f = frames[k]
-                s = tables[k]
-                blend = rows[k * ROW_C + BLEND_C]
-                gate = rows[k * ROW_C + GATE_C]
+        for n in range(lists.counts[block]):
+            k = lists.ids[block * primitives.count + n]
+            if k >= primitives.begin and k < primitives.end:
+                f = primitives.frames[k]
+                blend = primitives.rows[k * ROW_C + BLEND_C]
+                gate = primitives.rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
-                slow = float(0.0)
-                if wp.static(has_slow_zone):
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow += larger(slow_zone(s, px, py, pz), 0.0)
-                if slow > 0.0:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        d = sdf_grad(s, px, py, pz)
-                        fold(base + j, d, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
-                else:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        d = fast_grad(s, px, py, pz)
-                        fold(base + j, d, f, gate, blend, quarter, out_field, out_x, out_y, out_z)
+                block_gradients(points, base, f, tables[k], d)
+                for j in range(BLOCK_C):
+                    i = base + j
+                    before = out_field[i]
+                    after = gated(d[0, j], gate)
+                    wx, wy, wz = to_world_direction(f, d[1, j], d[2, j], d[3, j])
+                    keep = smooth_minimum_share(before, after, quarter)
+                    take = (1.0 - keep) * gate
+                    out_field[i] = smooth_minimum(before, after, blend, quarter)
+                    out_x[i] = keep * out_x[i] + take * wx
+                    out_y[i] = keep * out_y[i] + take * wy
+                    out_z[i] = keep * out_z[i] + take * wz
 
     return fold_gradient_kernel
 
@@ -124,26 +89,14 @@ def union_gradient_at(
             output.zero_()
         return outputs
     lists = lists or active_lists(primitives, blocks, bounds)
-    for run in primitives.runs:
-        launch(
-            gradient_kernel(run.family.name),
-            blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                primitives.rows,
-                lists.ids,
-                lists.counts,
-                len(primitives),
-                wp.vec2i(run.begin, run.end),
-            ],
-            outputs,
-            blocks.device,
-            seconds_per_thread=0.3 * BLOCK_SECONDS * run.count,
-        )
+    launch_runs(
+        gradient_kernel,
+        primitives,
+        blocks.block_count,
+        [blocks.points, lists.argument],
+        outputs,
+        0.3 * BLOCK_SECONDS,
+    )
     return outputs
 
 
