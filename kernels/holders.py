@@ -4,15 +4,14 @@
 
 import warp as wp
 
+from .block import BlockFloats, block_functions, launch_runs
 from .culling import MARGIN, BlockBounds, bound_primitives
 from .field import BLOCK_SECONDS
-from .frame import Frame, to_local
-from .launch import VECTOR_OPTIONS, launch
+from .launch import VECTOR_OPTIONS
 from .made_once import made_once
-from .points import BLOCK_C, PointBlocks, padded_count
-from .primitive_set import PrimitiveSet
+from .points import BLOCK_C, PointBlocks, Points, padded_count
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
-from .vector_math import larger
 
 SURFACE_SHARE = 0.1
 """Guess of the share of the blocks that a primitive's surface passes."""
@@ -23,54 +22,37 @@ def count_kernel(name: str) -> wp.Kernel:
     """The kernel that counts primitives of the family `name`; values are those of `evaluate_primitives_kernel`."""
     module = f"resfit.kernels.holders.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table, sdf = entry.table, entry.sdf
-    fast = entry.fast or entry.sdf
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def count_holders_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
+        points: Points,
         middle: wp.array[float],
         reach: wp.array[float],
         stride: int,
-        run: wp.vec2i,
         # outputs
         out_count: wp.array[int],
     ):
         block = first + wp.tid()
         base = block * BLOCK_C
-        if run[0] == 0:
+        distance = BlockFloats()
+        if primitives.begin == 0:
             for j in range(BLOCK_C):
                 out_count[base + j] = 0
-        for k in range(run[0], run[1]):
+        for k in range(primitives.begin, primitives.end):
             at = middle[k * stride + block]
             spread = reach[k * stride + block] + MARGIN
             if at + spread < 0.0:
                 for j in range(BLOCK_C):
                     out_count[base + j] += 1
             elif at - spread < 0.0:
-                f = frames[k]
-                s = tables[k]
-                slow = float(0.0)
-                if wp.static(has_slow_zone):
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow += larger(slow_zone(s, px, py, pz), 0.0)
-                if slow > 0.0:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        out_count[base + j] += wp.where(sdf(s, px, py, pz) < 0.0, 1, 0)
-                else:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        out_count[base + j] += wp.where(fast(s, px, py, pz) < 0.0, 1, 0)
+                block_distances(points, base, primitives.frames[k], tables[k], distance)
+                for j in range(BLOCK_C):
+                    out_count[base + j] += wp.where(distance[j] < 0.0, 1, 0)
 
     return count_holders_kernel
 
@@ -85,23 +67,12 @@ def count_holders(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBo
     """
     count = wp.empty(blocks.x.shape[0], dtype=int, device=blocks.device)
     middle, reach = bound_primitives(primitives, bounds)
-    for run in primitives.runs:
-        launch(
-            count_kernel(run.family.name),
-            blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                middle,
-                reach,
-                padded_count(blocks.block_count),
-                wp.vec2i(run.begin, run.end),
-            ],
-            [count],
-            blocks.device,
-            seconds_per_thread=SURFACE_SHARE * BLOCK_SECONDS * run.count,
-        )
+    launch_runs(
+        count_kernel,
+        primitives,
+        blocks.block_count,
+        [blocks.points, middle, reach, padded_count(blocks.block_count)],
+        [count],
+        SURFACE_SHARE * BLOCK_SECONDS,
+    )
     return count
