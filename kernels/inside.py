@@ -9,16 +9,15 @@ a primitive, or wholly inside, is settled by its bounding sphere.
 import numpy as np
 import warp as wp
 
+from .block import BlockFloats, block_functions, launch_pairs
 from .culling import MARGIN, bound_blocks, bound_primitives
 from .curve import curve_codes
-from .frame import Frame, to_local
 from .launch import VECTOR_OPTIONS, launch
 from .made_once import made_once
 from .occupancy import WORD, WORD_C
-from .points import BLOCK, BLOCK_C, padded_count, point_blocks
-from .primitive_set import PrimitiveSet
+from .points import BLOCK, BLOCK_C, Points, padded_count, point_blocks
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
-from .vector_math import larger
 
 wp.set_module_options(VECTOR_OPTIONS)
 
@@ -30,22 +29,15 @@ def mask_kernel(name: str) -> wp.Kernel:
     """The kernel that says which points of each block a primitive of the family `name` holds."""
     module = f"resfit.kernels.inside.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf = entry.sdf
-    fast = entry.fast or entry.sdf
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def mask_points_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        begin: int,
+        points: Points,
         block_count: int,
         middle: wp.array[float],
         reach: wp.array[float],
@@ -55,36 +47,22 @@ def mask_kernel(name: str) -> wp.Kernel:
     ):
         """One block and primitive; `middle` and `reach`, `stride` a primitive, bound it in the block."""
         t = first + wp.tid()
-        k = begin + t / block_count
-        block = t - (k - begin) * block_count
+        k = primitives.begin + t / block_count
+        block = t - (k - primitives.begin) * block_count
         bound = k * stride + block
         store = (k * block_count + block) * BLOCK_WORDS_C
-        base = block * BLOCK_C
-        f = frames[k]
-        s = tables[k]
         settled = middle[bound] + reach[bound] + MARGIN < 0.0
         if settled or middle[bound] - reach[bound] - MARGIN > 0.0:
             for word in range(BLOCK_WORDS_C):
                 out_masks[store + word] = wp.where(settled, ~wp.uint32(0), wp.uint32(0))
         else:
-            slow = float(0.0)
-            if wp.static(has_slow_zone):
-                for j in range(BLOCK_C):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow += larger(slow_zone(s, px, py, pz), 0.0)
+            distance = BlockFloats()
+            block_distances(points, block * BLOCK_C, primitives.frames[k], tables[k], distance)
             for word in range(BLOCK_WORDS_C):
                 held = wp.uint32(0)
-                p = base + word * WORD_C
-                if slow > 0.0:
-                    for j in range(WORD_C):
-                        px, py, pz = to_local(f, x[p + j], y[p + j], z[p + j])
-                        inside = wp.where(sdf(s, px, py, pz) < 0.0, wp.uint32(1), wp.uint32(0))
-                        held = held | (inside << wp.uint32(j))
-                else:
-                    for j in range(WORD_C):
-                        px, py, pz = to_local(f, x[p + j], y[p + j], z[p + j])
-                        inside = wp.where(fast(s, px, py, pz) < 0.0, wp.uint32(1), wp.uint32(0))
-                        held = held | (inside << wp.uint32(j))
+                for j in range(WORD_C):
+                    bit = wp.uint32(1) << wp.uint32(j)
+                    held = held | wp.where(distance[word * WORD_C + j] < 0.0, bit, wp.uint32(0))
                 out_masks[store + word] = held
 
     return mask_points_kernel
@@ -137,26 +115,14 @@ class InsideTest:
             return np.zeros((0, words), np.uint32)
         middle, reach = bound_primitives(primitives, self.bounds)
         along_curve = wp.empty(count * block_words, dtype=wp.uint32, device=device)
-        for run in primitives.runs:
-            launch(
-                mask_kernel(run.family.name),
-                run.count * blocks.block_count,
-                [
-                    blocks.x,
-                    blocks.y,
-                    blocks.z,
-                    primitives.frames,
-                    primitives.tables[run.family.name],
-                    run.begin,
-                    blocks.block_count,
-                    middle,
-                    reach,
-                    padded_count(blocks.block_count),
-                ],
-                [along_curve],
-                device,
-                seconds_per_thread=2e-8,
-            )
+        launch_pairs(
+            mask_kernel,
+            primitives,
+            blocks.block_count,
+            [blocks.points, blocks.block_count, middle, reach, padded_count(blocks.block_count)],
+            [along_curve],
+            2e-8,
+        )
         masks = wp.empty(count * words, dtype=wp.uint32, device=device)
         launch(
             reorder_masks_kernel,
