@@ -8,16 +8,18 @@ device; owners are found anew at every step of a refinement, lists only when the
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import warp as wp
 
+from .block import BlockFloats, BlockIntegers, block_functions, launch_runs
 from .combine import FAR, gated, quarter_inverse, smooth_minimum
-from .culling import BlockBounds, bound_primitives
-from .frame import Frame, to_local
+from .culling import BlockBounds, Lists, bound_primitives, lists_argument
 from .launch import VECTOR_OPTIONS, launch
 from .made_once import made_once
-from .points import BLOCK, BLOCK_C, PointBlocks
-from .primitive_set import PrimitiveSet
+from .points import BLOCK_C, PointBlocks, Points
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
 from .vector_math import larger, smaller
@@ -30,9 +32,6 @@ MARGIN = wp.constant(1.0e-5)
 COVERED = 0.5
 """A point is covered by a primitive whose distance there is below this, in units of 1 / sharpness."""
 COVERED_C = wp.constant(COVERED)
-
-BlockFloats = wp.types.vector(length=BLOCK, dtype=float)
-BlockIntegers = wp.types.vector(length=BLOCK, dtype=int)
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,11 @@ class Ownership:
     """(primitive_count * padded block_count,) each primitive at the blocks' centres."""
     reach: wp.array
     """The same layout: how far it may be from that within the block."""
+
+    @cached_property
+    def lists(self) -> Any:
+        """The lists as one argument of a kernel: a `Lists`."""
+        return lists_argument(self.ids, self.counts)
 
 
 def ownership_arrays(primitive_count: int, blocks: PointBlocks, bounds: BlockBounds) -> Ownership:
@@ -151,27 +155,17 @@ def find_owners_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that folds a run of primitives into one block's union and two nearest."""
     module = f"resfit.kernels.ownership.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf = entry.sdf
-    fast = entry.fast or entry.sdf
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def fold_owners_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        ids: wp.array[int],
-        counts: wp.array[int],
+        points: Points,
+        lists: Lists,
         live: wp.array[int],
-        primitive_count: int,
-        run: wp.vec2i,
-        rows: wp.array[float],
         # outputs
         out_field: wp.array[float],
         out_owner: wp.array[int],
@@ -184,7 +178,6 @@ def find_owners_kernel(name: str) -> wp.Kernel:
         if live[block] == 0:
             return
         base = block * BLOCK_C
-        # Local vectors: of arrays the compiler has to check at every loop whether they overlap.
         distance = BlockFloats()
         field = BlockFloats()
         nearest = BlockFloats()
@@ -192,7 +185,7 @@ def find_owners_kernel(name: str) -> wp.Kernel:
         share = BlockFloats()
         owner = BlockIntegers()
         second = BlockIntegers()
-        if run[0] == 0:
+        if primitives.begin == 0:
             for j in range(BLOCK_C):
                 field[j] = FAR
                 nearest[j] = FAR
@@ -205,26 +198,12 @@ def find_owners_kernel(name: str) -> wp.Kernel:
                 share[j] = out_share[base + j]
                 owner[j] = out_owner[base + j]
                 second[j] = out_second[base + j]
-        for n in range(counts[block]):
-            k = ids[block * primitive_count + n]
-            if k >= run[0] and k < run[1]:
-                f = frames[k]
-                s = tables[k]
-                slow = float(0.0)
-                if wp.static(has_slow_zone):
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow += larger(slow_zone(s, px, py, pz), 0.0)
-                if slow > 0.0:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        distance[j] = sdf(s, px, py, pz)
-                else:
-                    for j in range(BLOCK_C):
-                        px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        distance[j] = fast(s, px, py, pz)
-                blend = rows[k * ROW_C + BLEND_C]
-                gate = rows[k * ROW_C + GATE_C]
+        for n in range(lists.counts[block]):
+            k = lists.ids[block * primitives.count + n]
+            if k >= primitives.begin and k < primitives.end:
+                block_distances(points, base, primitives.frames[k], tables[k], distance)
+                blend = primitives.rows[k * ROW_C + BLEND_C]
+                gate = primitives.rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
                 for j in range(BLOCK_C):
                     value = gated(distance[j], gate)
@@ -238,7 +217,7 @@ def find_owners_kernel(name: str) -> wp.Kernel:
                     nearest[j] = smaller(nearest[j], value)
                     second[j] = wp.where(leads, owner[j], wp.where(follows, k, second[j]))
                     owner[j] = wp.where(leads, k, owner[j])
-        if run[1] == primitive_count:
+        if primitives.end == primitives.count:
             for j in range(BLOCK_C):
                 gap = runner_up[j] - nearest[j]
                 share[j] = smaller(0.5 + 0.5 * gap / larger(share[j], 1.0e-9), 1.0)
@@ -286,16 +265,11 @@ def find_owners(primitives: PrimitiveSet, blocks: PointBlocks, out: Ownership) -
         blocks: the points.
         out: with lists from `list_candidates`.
     """
-    device, count = blocks.device, len(primitives)
-    for run in primitives.runs:
-        launch(
-            find_owners_kernel(run.family.name),
-            blocks.block_count,
-            [
-                *(blocks.x, blocks.y, blocks.z, primitives.frames, primitives.tables[run.family.name]),
-                *(out.ids, out.counts, out.live, count, wp.vec2i(run.begin, run.end), primitives.rows),
-            ],
-            [out.field, out.owner, out.nearest, out.second, out.runner_up, out.share],
-            device,
-            seconds_per_thread=5e-8 * run.count,
-        )
+    launch_runs(
+        find_owners_kernel,
+        primitives,
+        blocks.block_count,
+        [blocks.points, out.lists, out.live],
+        [out.field, out.owner, out.nearest, out.second, out.runner_up, out.share],
+        5e-8,
+    )
