@@ -8,14 +8,14 @@ every point, so is what each listed primitive would have to move to change it.
 
 import warp as wp
 
+from .block import BlockFloats, block_functions, launch_runs
 from .combine import gated
-from .frame import Frame, to_local
-from .launch import VECTOR_OPTIONS, launch
+from .launch import VECTOR_OPTIONS
 from .loss_points import MOVE
 from .made_once import made_once
 from .ownership import COVERED_C, Ownership
-from .points import BLOCK_C, PointBlocks
-from .primitive_set import PrimitiveSet
+from .points import BLOCK_C, PointBlocks, Points
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
 from .vector_math import larger
@@ -26,24 +26,19 @@ def drop_idle_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that goes through one block's list."""
     module = f"resfit.kernels.idle.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table, sdf = entry.table, entry.sdf
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def drop_idle_primitives_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        rows: wp.array[float],
+        points: Points,
         field: wp.array[float],
         live: wp.array[int],
         counts: wp.array[int],
         betas: wp.array[float],
-        primitive_count: int,
-        run: wp.vec2i,
         # outputs
         ids: wp.array[int],
     ):
@@ -51,20 +46,19 @@ def drop_idle_kernel(name: str) -> wp.Kernel:
         if live[block] == 0:
             return
         base = block * BLOCK_C
+        distance = BlockFloats()
         covered = COVERED_C / betas[0] + MOVE
         for n in range(counts[block]):
-            slot = block * primitive_count + n
+            slot = block * primitives.count + n
             k = ids[slot]
-            if k >= run[0] and k < run[1]:
-                f = frames[k]
-                s = tables[k]
-                gate = rows[k * ROW_C + GATE_C]
+            if k >= primitives.begin and k < primitives.end:
+                gate = primitives.rows[k * ROW_C + GATE_C]
                 # The union and the primitive may both move.
-                margin = rows[k * ROW_C + BLEND_C] + 2.0 * MOVE
+                margin = primitives.rows[k * ROW_C + BLEND_C] + 2.0 * MOVE
+                block_distances(points, base, primitives.frames[k], tables[k], distance)
                 near = int(0)
                 for j in range(BLOCK_C):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    value = gated(sdf(s, px, py, pz), gate)
+                    value = gated(distance[j], gate)
                     near += wp.where(value < larger(field[base + j] + margin, covered), 1, 0)
                 if near == 0:
                     ids[slot] = -1 - k
@@ -81,16 +75,11 @@ def drop_idle(primitives: PrimitiveSet, blocks: PointBlocks, betas: wp.array, ou
         betas: (primitive_count,) sharpness of the occupancy, all alike.
         out: owners of the points as they are; `ids` is changed.
     """
-    for run in primitives.runs:
-        launch(
-            drop_idle_kernel(run.family.name),
-            blocks.block_count,
-            [
-                *(blocks.x, blocks.y, blocks.z, primitives.frames, primitives.tables[run.family.name]),
-                *(primitives.rows, out.field, out.live, out.counts, betas, len(primitives)),
-                wp.vec2i(run.begin, run.end),
-            ],
-            [out.ids],
-            blocks.device,
-            seconds_per_thread=5e-8 * run.count,
-        )
+    launch_runs(
+        drop_idle_kernel,
+        primitives,
+        blocks.block_count,
+        [blocks.points, out.field, out.live, out.counts, betas],
+        [out.ids],
+        5e-8,
+    )
