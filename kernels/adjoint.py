@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .block import launch_runs
 from .combine import FAR
+from .culling import lists_argument
 from .frame import Frame, to_world_direction
 from .launch import PLAIN_OPTIONS, launch
 from .points import BLOCK, PointBlocks, padded_count
@@ -119,7 +121,7 @@ class _Folded:
 
     field: wp.array
     values: wp.array
-    """(primitive_count * padded points,) block by block; in use only where a loss may ask for them."""
+    """(primitive_count * padded points,) block by block; there only where a loss may ask for them."""
     shares: wp.array
     ids: wp.array
     """(block_count * primitive_count,): the primitive in each slot."""
@@ -184,34 +186,21 @@ def _fold(primitives: PrimitiveSet, blocks: PointBlocks, list_all: bool) -> _Fol
     pairs = max(1, count * blocks.block_count)
     folded = _Folded(
         wp.empty(max(1, size), dtype=float, device=device, requires_grad=True),
-        wp.empty(
-            max(1, count * size if list_all else size), dtype=float, device=device, requires_grad=list_all
-        ),
+        wp.empty(max(1, count * size * list_all), dtype=float, device=device, requires_grad=list_all),
         wp.empty(max(1, count * size), dtype=float, device=device),
         wp.empty(pairs, dtype=int, device=device),
         wp.empty(max(1, blocks.block_count), dtype=int, device=device),
     )
     if not count or not size:
         folded.field.fill_(FAR)
-    for run in primitives.runs:
-        launch(
-            fold_kernels(run.family.name)[0],
-            blocks.block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                primitives.rows,
-                count,
-                wp.vec2i(run.begin, run.end),
-                int(list_all),
-            ],
-            [folded.values, folded.shares, folded.field, folded.ids, folded.counts],
-            device,
-            seconds_per_thread=FORWARD_SECONDS * run.count,
-        )
+    launch_runs(
+        lambda name: fold_kernels(name)[0],
+        primitives,
+        blocks.block_count,
+        [blocks.points, int(list_all)],
+        [folded.values, folded.shares, folded.field, folded.ids, folded.counts],
+        FORWARD_SECONDS,
+    )
     return folded
 
 
@@ -224,30 +213,22 @@ def _unfold(primitives: PrimitiveSet, blocks: PointBlocks, folded: _Folded) -> N
     partial = wp.empty(groups * count * SUMS, dtype=float, device=device)
     totals = wp.empty(count * SUMS, dtype=float, device=device)
     for_values = wp.zeros(BLOCK, dtype=float, device=device) if asked is None else asked
-    carry, passed = wp.clone(folded.field.grad), wp.empty_like(blocks.x)
-    for run in reversed(primitives.runs):
-        launch(
-            fold_kernels(run.family.name)[1],
-            block_count,
-            [
-                blocks.x,
-                blocks.y,
-                blocks.z,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                primitives.rows,
-                count,
-                wp.vec2i(run.begin, run.end),
-                folded.shares,
-                folded.ids,
-                folded.counts,
-                for_values,
-                int(asked is not None),
-            ],
-            [carry, passed, sums],
-            device,
-            seconds_per_thread=BACKWARD_SECONDS * run.count * (LISTED if asked is None else 1.0),
-        )
+    carry = wp.clone(folded.field.grad)
+    launch_runs(
+        lambda name: fold_kernels(name)[1],
+        primitives,
+        block_count,
+        [
+            blocks.points,
+            lists_argument(folded.ids, folded.counts),
+            folded.shares,
+            for_values,
+            int(asked is not None),
+        ],
+        [carry, sums],
+        BACKWARD_SECONDS * (LISTED if asked is None else 1.0),
+        reversed(primitives.runs),
+    )
     launch(
         add_group_kernel,
         groups * SUMS,

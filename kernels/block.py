@@ -25,6 +25,12 @@ whether they overlap."""
 BlockIntegers = wp.types.vector(length=BLOCK, dtype=int)
 
 
+@wp.func
+def local_point(p: Points, i: int, f: Frame):
+    """Point `i` in the frame of a primitive."""
+    return to_local(f, at(p.x, i), at(p.y, i), at(p.z, i))
+
+
 class BlockFunctions(NamedTuple):
     """Warp functions of a family: (points, number of the block's first point, frame, table) -> ..."""
 
@@ -56,7 +62,7 @@ def block_functions(name: str, size: int = BLOCK, rows: int = DERIVATIVES) -> Bl
         slow = float(0.0)
         if wp.static(has_slow_zone):
             for j in range(size_c):
-                x, y, z = to_local(f, at(p.x, base + j), at(p.y, base + j), at(p.z, base + j))
+                x, y, z = local_point(p, base + j, f)
                 slow += larger(slow_zone(s, x, y, z), 0.0)
         return slow > 0.0
 
@@ -64,24 +70,24 @@ def block_functions(name: str, size: int = BLOCK, rows: int = DERIVATIVES) -> Bl
     def block_distances(p: Points, base: int, f: Frame, s: table, out: wp.ref[vector]):
         if block_is_slow(p, base, f, s):
             for j in range(size_c):
-                x, y, z = to_local(f, at(p.x, base + j), at(p.y, base + j), at(p.z, base + j))
+                x, y, z = local_point(p, base + j, f)
                 out[j] = sdf(s, x, y, z)
         else:
             for j in range(size_c):
-                x, y, z = to_local(f, at(p.x, base + j), at(p.y, base + j), at(p.z, base + j))
+                x, y, z = local_point(p, base + j, f)
                 out[j] = fast(s, x, y, z)
 
     @wp.func(module=module)
     def block_derivatives(p: Points, base: int, f: Frame, s: table, out: wp.ref[matrix]):
         if block_is_slow(p, base, f, s):
             for j in range(size_c):
-                x, y, z = to_local(f, at(p.x, base + j), at(p.y, base + j), at(p.z, base + j))
+                x, y, z = local_point(p, base + j, f)
                 d = sdf_grad(s, x, y, z)
                 for m in range(filled_c):
                     out[m, j] = d[m]
         else:
             for j in range(size_c):
-                x, y, z = to_local(f, at(p.x, base + j), at(p.y, base + j), at(p.z, base + j))
+                x, y, z = local_point(p, base + j, f)
                 d = fast_grad(s, x, y, z)
                 for m in range(filled_c):
                     out[m, j] = d[m]

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .block import launch_pairs
+from .block import launch_pairs, local_point
 from .combine import FAR, quarter_inverse, smooth_minimum
-from .frame import to_local
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .made_once import made_once
-from .points import BLOCK, BLOCK_C, PointBlocks, Points, at, padded_count, points_argument
+from .points import BLOCK, BLOCK_C, PointBlocks, Points, padded_count, points_argument
 from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import BLEND_C, GATE_C, ROW_C
@@ -130,10 +129,9 @@ def bound_kernel(name: str) -> wp.Kernel:
         f = primitives.frames[k]
         s = tables[k]
         for j in range(BLOCK_C):
-            i = base + j
-            px, py, pz = to_local(f, at(points.x, i), at(points.y, i), at(points.z, i))
+            px, py, pz = local_point(points, base + j, f)
             out_middle[store + j] = sdf(s, px, py, pz)
-            out_reach[store + j] = reach(s, px, py, pz, radius[i])
+            out_reach[store + j] = reach(s, px, py, pz, radius[base + j])
 
     return bound_primitives_kernel
 

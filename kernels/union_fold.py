@@ -9,16 +9,16 @@ it. Listed are the primitives that change the union at some point of the block: 
 
 import warp as wp
 
+from .block import BlockFloats, block_functions, local_point
 from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
-from .family import Family
-from .frame import Frame, to_local
+from .culling import Lists
 from .jacobian import TANGENT_C, JacobianRow, jacobian_row
 from .launch import VECTOR_OPTIONS
 from .made_once import made_once
-from .points import BLOCK_C
+from .points import BLOCK, BLOCK_C, Points
+from .primitive_set import Primitives
 from .primitives import family
-from .rows import BLEND_C, GATE_C, ROW_C, TANGENT
-from .vector_math import larger
+from .rows import BLEND_C, DERIVATIVES, DERIVATIVES_C, GATE_C, ROW_C, TANGENT, Derivatives
 
 SUMS = TANGENT + 2
 """Sums a block keeps of each primitive: its Jacobian's columns, blend and gate."""
@@ -31,31 +31,20 @@ def fold_kernels(name: str) -> tuple[wp.Kernel, wp.Kernel]:
     """The kernels that fold the union on over a run of the family `name`, and that undo this: a module of both."""
     module = f"resfit.kernels.union_fold.{name}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    return _fold_kernel(family(name), module), _unfold_kernel(family(name), module)
+    return _fold_kernel(name, module), _unfold_kernel(name, module)
 
 
-def _fold_kernel(entry: Family, module: str) -> wp.Kernel:
-    """The kernel that evaluates a run of primitives and folds the union on over them.
-
-    A block whose points all lie outside the slow zone takes the cheaper form of the field.
-    """
-    table = entry.table
-    sdf = entry.sdf
-    fast = entry.fast or entry.sdf
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+def _fold_kernel(name: str, module: str) -> wp.Kernel:
+    """The kernel that evaluates a run of primitives and folds the union on over them."""
+    table = family(name).table
+    block_distances = block_functions(name).distances
 
     @wp.kernel(module=module)
     def fold_values_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        rows: wp.array[float],
-        primitive_count: int,
-        run: wp.vec2i,
+        points: Points,
         list_all: int,
         # outputs
         out_values: wp.array[float],
@@ -64,43 +53,31 @@ def _fold_kernel(entry: Family, module: str) -> wp.Kernel:
         out_ids: wp.array[int],
         out_counts: wp.array[int],
     ):
+        """One block; the distances are written where all primitives are listed."""
         block = first + wp.tid()
         base = block * BLOCK_C
+        distance = BlockFloats()
         n = int(0)
-        if run[0] == 0:
+        if primitives.begin == 0:
             for j in range(BLOCK_C):
                 out_field[base + j] = FAR
         else:
             n = out_counts[block]
-        for k in range(run[0], run[1]):
-            slot = block * primitive_count + n
+        for k in range(primitives.begin, primitives.end):
+            slot = block * primitives.count + n
             at = slot * BLOCK_C
-            # One slot a block is room enough for distances that nobody asks for.
-            value_at = wp.where(list_all != 0, at, base)
-            f = frames[k]
-            s = tables[k]
-            slow = float(0.0)
-            if wp.static(has_slow_zone):
+            block_distances(points, base, primitives.frames[k], tables[k], distance)
+            if list_all != 0:
                 for j in range(BLOCK_C):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow += larger(slow_zone(s, px, py, pz), 0.0)
-            if slow > 0.0:
-                for j in range(BLOCK_C):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    out_values[value_at + j] = sdf(s, px, py, pz)
-            else:
-                for j in range(BLOCK_C):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    out_values[value_at + j] = fast(s, px, py, pz)
-            blend = rows[k * ROW_C + BLEND_C]
-            gate = rows[k * ROW_C + GATE_C]
+                    out_values[at + j] = distance[j]
+            blend = primitives.rows[k * ROW_C + BLEND_C]
+            gate = primitives.rows[k * ROW_C + GATE_C]
             quarter = quarter_inverse(blend)
-            # A loop of its own: together with the evaluation it writes too many arrays, and is slower by a fifth.
             # A sum of what is never negative is 0 only if all is. Sums become vector code where comparisons may not.
             changed = float(0.0)
             for j in range(BLOCK_C):
                 before = out_field[base + j]
-                value = gated(out_values[value_at + j], gate)
+                value = gated(distance[j], gate)
                 share = smooth_minimum_share(before, value, quarter)
                 changed += 1.0 - share
                 out_shares[at + j] = share
@@ -113,44 +90,37 @@ def _fold_kernel(entry: Family, module: str) -> wp.Kernel:
     return fold_values_kernel
 
 
-def _unfold_kernel(entry: Family, module: str) -> wp.Kernel:
+def _unfold_kernel(name: str, module: str) -> wp.Kernel:
     """The kernel that undoes the fold over a run of primitives, the last one first, and sums the derivatives.
 
     Primitives that get no weight at any point of a block are not evaluated there again: their sums are exactly 0.
     """
-    table = entry.table
-    sdf_grad = entry.sdf_grad
-    fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    block_derivatives = block_functions(name).derivatives
+    matrix = wp.types.matrix(shape=(DERIVATIVES, BLOCK), dtype=float)
 
     @wp.kernel(module=module)
     def unfold_values_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        frames: wp.array[Frame],
+        primitives: Primitives,
         tables: wp.array[table],
-        rows: wp.array[float],
-        primitive_count: int,
-        run: wp.vec2i,
+        points: Points,
+        lists: Lists,
         shares: wp.array[float],
-        ids: wp.array[int],
-        counts: wp.array[int],
         asked: wp.array[float],
         asked_stride: int,
         # outputs
         carry: wp.array[float],
-        passed: wp.array[float],
         out_sums: wp.array[float],
     ):
         block = first + wp.tid()
         base = block * BLOCK_C
-        for back in range(counts[block]):
-            slot = block * primitive_count + counts[block] - 1 - back
-            k = ids[slot]
-            if k >= run[0] and k < run[1]:
+        weight = BlockFloats()
+        derivatives = matrix()
+        for back in range(lists.counts[block]):
+            slot = block * primitives.count + lists.counts[block] - 1 - back
+            k = lists.ids[slot]
+            if k >= primitives.begin and k < primitives.end:
                 at = slot * BLOCK_C
                 asked_at = at * asked_stride
                 blend_sum = float(0.0)
@@ -159,42 +129,28 @@ def _unfold_kernel(entry: Family, module: str) -> wp.Kernel:
                     share = shares[at + j]
                     whole = carry[base + j]
                     through = whole * (1.0 - share)
-                    weight = through + asked[asked_at + j]
+                    passed = through + asked[asked_at + j]
                     blend_sum += -through * share
-                    heavy += wp.abs(weight)
-                    passed[base + j] = weight
+                    heavy += wp.abs(passed)
+                    weight[j] = passed
                     carry[base + j] = whole * share
                 gate_sum = float(0.0)
                 total = JacobianRow()
                 # Written so that a weight that is no number is not lost.
                 if heavy != 0.0:
-                    f = frames[k]
-                    s = tables[k]
-                    slow = float(0.0)
-                    if wp.static(has_slow_zone):
-                        for j in range(BLOCK_C):
-                            px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                            slow += larger(slow_zone(s, px, py, pz), 0.0)
-                    if slow > 0.0:
-                        for j in range(BLOCK_C):
-                            px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                            d = sdf_grad(s, px, py, pz)
-                            weight = passed[base + j]
-                            gate_sum += weight * (d[0] - 1.0)
-                            row = jacobian_row(px, py, pz, d)
-                            for m in range(TANGENT_C):
-                                total[m] += weight * row[m]
-                    else:
-                        for j in range(BLOCK_C):
-                            px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                            d = fast_grad(s, px, py, pz)
-                            weight = passed[base + j]
-                            gate_sum += weight * (d[0] - 1.0)
-                            row = jacobian_row(px, py, pz, d)
-                            for m in range(TANGENT_C):
-                                total[m] += weight * row[m]
+                    f = primitives.frames[k]
+                    block_derivatives(points, base, f, tables[k], derivatives)
+                    for j in range(BLOCK_C):
+                        x, y, z = local_point(points, base + j, f)
+                        d = Derivatives()
+                        for m in range(DERIVATIVES_C):
+                            d[m] = derivatives[m, j]
+                        gate_sum += weight[j] * (d[0] - 1.0)
+                        row = jacobian_row(x, y, z, d)
+                        for m in range(TANGENT_C):
+                            total[m] += weight[j] * row[m]
                 store = slot * SUMS_C
-                gate = rows[k * ROW_C + GATE_C]
+                gate = primitives.rows[k * ROW_C + GATE_C]
                 for m in range(TANGENT_C):
                     out_sums[store + m] = gate * total[m]
                 out_sums[store + BLEND_SUM_C] = blend_sum
