@@ -14,18 +14,19 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from .frame import Frame, to_local
+from .block import block_functions, launch_runs, local_point
 from .jacobian import TANGENT_C, jacobian_row
 from .launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
 from .loss import occupancy
 from .made_once import made_once
-from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints
-from .primitive_set import PrimitiveSet
+from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints, Wanted
+from .points import Points, at
+from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
 from .rows import DERIVATIVES_C, Derivatives
 from .small_solve import BLEND_UNKNOWN, RESIDUAL_C, SYSTEM_C
 from .small_solve import SYSTEM as SYSTEM
-from .vector_math import clamp_symmetric, larger
+from .vector_math import clamp_symmetric
 
 BLOCK_SECONDS = 2.5e-6
 """One block of one owner, on one core."""
@@ -57,17 +58,15 @@ def system_row(
     y: float,
     z: float,
     d: Derivatives,
-    target: float,
-    weight: float,
-    offset: float,
-    slope: float,
-    widening: float,
+    wanted: Wanted,
+    i: int,
     beta: float,
 ) -> SystemRow:
-    """The weighted Jacobian row and residual of a local point (x, y, z), steep entries clipped."""
-    occupied = occupancy(d[0] + offset, beta)
+    """The weighted Jacobian row and residual of point `i`, which is (x, y, z) locally, steep entries clipped."""
+    weight = at(wanted.weight, i)
+    occupied = occupancy(d[0] + at(wanted.offset, i), beta)
     steep = -weight * beta * occupied * (1.0 - occupied)
-    scale = slope * steep
+    scale = at(wanted.slope, i) * steep
     c = d
     c[1] = clamp_symmetric(d[1], STEEPEST)
     c[3] = clamp_symmetric(d[3], STEEPEST)
@@ -77,8 +76,8 @@ def system_row(
     out = SystemRow()
     for m in range(TANGENT_C):
         out[m] = scale * row[m]
-    out[BLEND_UNKNOWN] = steep * widening
-    out[RESIDUAL_C] = weight * (occupied - occupancy(target, beta))
+    out[BLEND_UNKNOWN] = steep * at(wanted.widening, i)
+    out[RESIDUAL_C] = weight * (occupied - occupancy(at(wanted.target, i), beta))
     return out
 
 
@@ -90,76 +89,47 @@ def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
     """
     module = f"resfit.kernels.normal_equations.{name}.{chunk}"
     wp.set_module_options(VECTOR_OPTIONS, module=module)
-    entry = family(name)
-    table = entry.table
-    sdf_grad = entry.sdf_grad
-    fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    table = family(name).table
+    # Rows take the place of the derivatives that they are made of.
+    block_derivatives = block_functions(name, chunk, SYSTEM).derivatives
     chunk_c, chunk_count = wp.constant(chunk), OWNER_BLOCK // chunk
     row_matrix = wp.types.matrix(shape=(SYSTEM, chunk), dtype=float)
 
     @wp.kernel(module=module)
     def sum_normal_equations_kernel(
         first: int,
-        x: wp.array[float],
-        y: wp.array[float],
-        z: wp.array[float],
-        target: wp.array[float],
-        weight: wp.array[float],
-        offset: wp.array[float],
-        slope: wp.array[float],
-        widening: wp.array[float],
+        primitives: Primitives,
+        tables: wp.array[table],
+        points: Points,
+        wanted: Wanted,
         owners: wp.array[int],
         point_blocks: wp.array[int],
-        frames: wp.array[Frame],
-        tables: wp.array[table],
-        run: wp.vec2i,
         betas: wp.array[float],
         # outputs
         out_systems: wp.array[float],
     ):
         pair = first + wp.tid()
         k = owners[pair]
-        if k < run[0] or k >= run[1]:
+        if k < primitives.begin or k >= primitives.end:
             return
         beta = betas[k]
-        f = frames[k]
-        s = tables[k]
-        at = pair * SYSTEM_C * SYSTEM_C
+        f = primitives.frames[k]
+        store = pair * SYSTEM_C * SYSTEM_C
         for m in range(SYSTEM_C * SYSTEM_C):
-            out_systems[at + m] = 0.0
+            out_systems[store + m] = 0.0
         # Bounds that are known at run time only keep the loops over chunks and tiles loops.
         chunks = int(wp.static(chunk_count))
         size = int(SYSTEM_C)
         for number in range(chunks):
             base = point_blocks[pair] * OWNER_BLOCK_C + number * chunk_c
             rows = row_matrix()
-            slow = float(0.0)
-            if wp.static(has_slow_zone):
-                for j in range(chunk_c):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow += larger(slow_zone(s, px, py, pz), 0.0)
-            # The derivatives first, which become rows in the same place.
-            if slow > 0.0:
-                for j in range(chunk_c):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    d = sdf_grad(s, px, py, pz)
-                    for m in range(DERIVATIVES_C):
-                        rows[m, j] = d[m]
-            else:
-                for j in range(chunk_c):
-                    px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    d = fast_grad(s, px, py, pz)
-                    for m in range(DERIVATIVES_C):
-                        rows[m, j] = d[m]
+            block_derivatives(points, base, f, tables[k], rows)
             for j in range(chunk_c):
-                i = base + j
-                px, py, pz = to_local(f, x[i], y[i], z[i])
+                px, py, pz = local_point(points, base + j, f)
                 d = Derivatives()
                 for m in range(DERIVATIVES_C):
                     d[m] = rows[m, j]
-                row = system_row(px, py, pz, d, target[i], weight[i], offset[i], slope[i], widening[i], beta)
+                row = system_row(px, py, pz, d, wanted, base + j, beta)
                 for a in range(SYSTEM_C):
                     rows[a, j] = row[a]
             for top in range(0, size, TILE):
@@ -171,7 +141,7 @@ def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
                                 products[a, b] += rows[top + a, j] * rows[left + b, j]
                     for a in range(TILE):
                         for b in range(TILE):
-                            out_systems[at + (top + a) * SYSTEM_C + left + b] += products[a, b]
+                            out_systems[store + (top + a) * SYSTEM_C + left + b] += products[a, b]
 
     return sum_normal_equations_kernel
 
@@ -220,29 +190,14 @@ def normal_equations_at(
     not all of them.
     """
     device = primitives.device
-    for run in primitives.runs:
-        launch(
-            kernel_on(device, run.family.name),
+    if len(primitives):
+        launch_runs(
+            lambda name: kernel_on(device, name),
+            primitives,
             points.pair_count if pair_count is None else pair_count,
-            [
-                points.x,
-                points.y,
-                points.z,
-                points.target,
-                points.weight,
-                points.offset,
-                points.slope,
-                points.widening,
-                points.owners,
-                points.point_blocks,
-                primitives.frames,
-                primitives.tables[run.family.name],
-                wp.vec2i(run.begin, run.end),
-                betas,
-            ],
+            [points.points, points.wanted, points.owners, points.point_blocks, betas],
             [out_partial],
-            device,
-            seconds_per_thread=BLOCK_SECONDS * run.count / len(primitives),
+            BLOCK_SECONDS / len(primitives),
         )
     launch(
         add_systems_kernel,

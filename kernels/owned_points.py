@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
+from .points import points_argument
+
 OWNER_BLOCK = 256
 """Points a thread sums over for one owner. Longer blocks vectorise better, shorter ones need less padding."""
 OWNER_BLOCK_C = wp.constant(OWNER_BLOCK)
+
+
+@wp.struct
+class Wanted:
+    """What rows want of the union at their points, as an argument of kernels; see `OwnedPoints`."""
+
+    target: wp.array[float]
+    weight: wp.array[float]
+    offset: wp.array[float]
+    slope: wp.array[float]
+    widening: wp.array[float]
 
 
 @dataclass(frozen=True)
@@ -40,6 +55,19 @@ class OwnedPoints:
     """(primitive_count + 1,) int32: pairs first_block[k] .. first_block[k + 1] - 1 belong to primitive k."""
     pair_count: int
     """Number of (primitive, block) pairs."""
+
+    @cached_property
+    def points(self) -> Any:
+        """The coordinates as one argument of a kernel: a `Points`."""
+        return points_argument(self.x, self.y, self.z)
+
+    @cached_property
+    def wanted(self) -> Any:
+        """All other values of a point as one argument of a kernel: a `Wanted`."""
+        wanted = Wanted()
+        wanted.target, wanted.weight, wanted.offset = self.target, self.weight, self.offset
+        wanted.slope, wanted.widening = self.slope, self.widening
+        return wanted
 
 
 def owned_points(
