@@ -16,8 +16,8 @@ from .culling import BlockBounds, bound_blocks
 from .curve import curve_codes
 from .launch import VECTOR_OPTIONS, launch
 from .loss import occupancy
-from .ownership import COVERED_C, Ownership
-from .points import BLOCK, BLOCK_C, PointBlocks, point_blocks
+from .ownership import COVERED_C, Owners, Ownership
+from .points import BLOCK, BLOCK_C, PointBlocks, at, point_blocks
 from .vector_math import smaller
 
 wp.set_module_options(VECTOR_OPTIONS)
@@ -151,12 +151,7 @@ def drop_blocks(points: LossPoints, owners: Ownership, betas: wp.array) -> None:
 @wp.kernel
 def weigh_points_kernel(
     first: int,
-    live: wp.array[int],
-    field: wp.array[float],
-    owner: wp.array[int],
-    second: wp.array[int],
-    runner_up: wp.array[float],
-    share: wp.array[float],
+    owners: Owners,
     distance: wp.array[float],
     root_weight: wp.array[float],
     betas: wp.array[float],
@@ -174,15 +169,15 @@ def weigh_points_kernel(
     for k in range(primitive_count):
         out_counts[k * block_count + block] = 0
     out_loss[block] = 0.0
-    if live[block] == 0:
+    if owners.live[block] == 0:
         return
     beta = betas[0]
     total = float(0.0)
     for j in range(BLOCK_C):
         i = base + j
-        u = field[i]
+        u = at(owners.field, i)
         d = distance[i]
-        r = runner_up[i]
+        r = at(owners.runner_up, i)
         w = root_weight[i]
         seen = wp.where(u < MASK_C, w, wp.where(d < MASK_C, w, 0.0))
         error = seen * (occupancy(u, beta) - occupancy(d, beta))
@@ -191,7 +186,7 @@ def weigh_points_kernel(
         total += error * error + overlap * crossing * crossing
         steep = wp.where(wp.abs(beta * u) < FLAT, seen, 0.0)
         own = wp.where(steep > 0.0, OWN, 0)
-        blended = wp.where(share[i] < BLENDED_BELOW, wp.where(steep > 0.0, BLENDED, 0), 0)
+        blended = wp.where(at(owners.share, i) < BLENDED_BELOW, wp.where(steep > 0.0, BLENDED, 0), 0)
         covering = wp.where(wp.abs(beta * r) < FLAT, wp.where(pushed > 0.0, COVERING, 0), 0)
         out_kind[i] = own + blended + covering
     out_loss[block] = total
@@ -199,16 +194,16 @@ def weigh_points_kernel(
         kind = out_kind[base + j]
         if kind != 0:
             if (kind & OWN) != 0:
-                at = owner[base + j] * block_count + block
-                out_counts[at] = out_counts[at] + 1
+                place = owners.owner[base + j] * block_count + block
+                out_counts[place] = out_counts[place] + 1
             if (kind & (BLENDED + COVERING)) != 0:
-                at = second[base + j] * block_count + block
-                more = out_counts[at]
+                place = owners.second[base + j] * block_count + block
+                more = out_counts[place]
                 if (kind & BLENDED) != 0:
                     more += 1
                 if (kind & COVERING) != 0:
                     more += 1
-                out_counts[at] = more
+                out_counts[place] = more
 
 
 def weigh_points(
@@ -233,8 +228,7 @@ def weigh_points(
         weigh_points_kernel,
         points.blocks.block_count,
         [
-            *(owners.live, owners.field, owners.owner, owners.second, owners.runner_up, owners.share),
-            *(points.distance, points.root_weight, betas, float(overlap)),
+            *(owners.argument, points.distance, points.root_weight, betas, float(overlap)),
             *(primitive_count, points.blocks.block_count),
         ],
         [out.loss, out.kind, out.counts],

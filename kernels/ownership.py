@@ -34,6 +34,18 @@ COVERED = 0.5
 COVERED_C = wp.constant(COVERED)
 
 
+@wp.struct
+class Owners:
+    """What a loss reads of an `Ownership`, as an argument of kernels."""
+
+    field: wp.array[float]
+    owner: wp.array[int]
+    second: wp.array[int]
+    runner_up: wp.array[float]
+    share: wp.array[float]
+    live: wp.array[int]
+
+
 @dataclass(frozen=True)
 class Ownership:
     """What the union looks like at each point, padding included; distances are normalised, negative inside."""
@@ -65,6 +77,14 @@ class Ownership:
     def lists(self) -> Any:
         """The lists as one argument of a kernel: a `Lists`."""
         return lists_argument(self.ids, self.counts)
+
+    @cached_property
+    def argument(self) -> Any:
+        """The owners as one argument of a kernel: an `Owners`."""
+        owners = Owners()
+        owners.field, owners.owner, owners.second = self.field, self.owner, self.second
+        owners.runner_up, owners.share, owners.live = self.runner_up, self.share, self.live
+        return owners
 
 
 def ownership_arrays(primitive_count: int, blocks: PointBlocks, bounds: BlockBounds) -> Ownership:
