@@ -57,17 +57,24 @@ def list_active_kernel(
     out_next[i] = out_ids[i * count]
 
 
+@wp.struct
+class Blended:
+    """Points of a union: their active primitives and values from `list_active_kernel`, and how they are summed."""
+
+    ids: wp.array[int]
+    values: wp.array[float]
+    kind: wp.array[int]
+    weight: wp.array[wp.float64]
+    marked: wp.array[int]
+
+
 @wp.kernel
 def try_blends_kernel(
     first: int,
     number: wp.array[int],
     choices: wp.array[wp.float64],
     blends: wp.array[wp.float64],
-    ids: wp.array[int],
-    values: wp.array[float],
-    kind: wp.array[int],
-    weight: wp.array[wp.float64],
-    marked: wp.array[int],
+    points: Blended,
     # outputs
     out_next: wp.array[int],
     out_place: wp.array[int],
@@ -89,29 +96,31 @@ def try_blends_kernel(
     store = chunk * choice_count * SUMS_C
     for entry in range(choice_count * SUMS_C):
         out_sums[store + entry] = wp.float64(0.0)
-    for i in range(chunk * CHUNK_C, wp.min(weight.shape[0], (chunk + 1) * CHUNK_C)):
+    for i in range(chunk * CHUNK_C, wp.min(points.weight.shape[0], (chunk + 1) * CHUNK_C)):
         at = i * count + out_place[i]
         if out_next[i] == k - 1:
-            out_prefix[i] = smooth_minimum_double(out_prefix[i], wp.float64(values[at]), blends[k - 1])
+            out_prefix[i] = smooth_minimum_double(out_prefix[i], wp.float64(points.values[at]), blends[k - 1])
             at += 1
             out_place[i] = out_place[i] + 1
-            out_next[i] = ids[at]
+            out_next[i] = points.ids[at]
         if out_next[i] != k:
             continue
-        value = wp.float64(values[at])
+        value = wp.float64(points.values[at])
         prefix = out_prefix[i]
         # A point that lies in either is in the union whatever the blend.
         if wp.min(value, prefix) >= wp.float64(0.0) and wp.abs(value - prefix) < widest:
             for choice in range(choice_count):
                 union = smooth_minimum_double(prefix, value, choices[choice])
                 later = at + 1
-                while ids[later] < count:
-                    union = smooth_minimum_double(union, wp.float64(values[later]), blends[ids[later]])
+                while points.ids[later] < count:
+                    union = smooth_minimum_double(
+                        union, wp.float64(points.values[later]), blends[points.ids[later]]
+                    )
                     later += 1
                 if union < wp.float64(0.0):
                     sums = store + choice * SUMS_C
-                    out_sums[sums + kind[i]] = out_sums[sums + kind[i]] + weight[i]
-                    if marked[i] != 0:
+                    out_sums[sums + points.kind[i]] = out_sums[sums + points.kind[i]] + points.weight[i]
+                    if points.marked[i] != 0:
                         out_sums[sums + SUMS_C - 1] = out_sums[sums + SUMS_C - 1] + wp.float64(1.0)
 
 
@@ -148,9 +157,14 @@ class BlendTrials:
         self.blends, self.number = Buffer(count, np.float64, device), Buffer(1, np.int32, device)
         self.choices = Buffer(choice_count, np.float64, device)
         self.blends.host[:] = blends
-        self.ids = wp.empty(values.size, dtype=int, device=device)
-        self.values = wp.empty(values.size, dtype=float, device=device)
         self.next = wp.empty(self.point_count, dtype=int, device=device)
+        self.points = Blended()
+        self.points.ids = wp.empty(values.size, dtype=int, device=device)
+        self.points.values = wp.empty(values.size, dtype=float, device=device)
+        self.points.kind, self.points.marked = (
+            wp.array(given.astype(np.int32), dtype=int, device=device) for given in (kind, marked)
+        )
+        self.points.weight = wp.array(weight, dtype=wp.float64, device=device)
         limits = np.maximum(blends, widest).astype(np.float32)
         launch(
             list_active_kernel,
@@ -159,14 +173,10 @@ class BlendTrials:
                 *(wp.array(given, dtype=float, device=device) for given in (values.ravel(), limits)),
                 self.point_count,
             ],
-            [self.ids, self.values, self.next],
+            [self.points.ids, self.points.values, self.next],
             device,
             seconds_per_thread=2e-9 * count,
         )
-        self.kind, self.marked = (
-            wp.array(given.astype(np.int32), dtype=int, device=device) for given in (kind, marked)
-        )
-        self.weight = wp.array(weight, dtype=wp.float64, device=device)
         self.place = wp.zeros(self.point_count, dtype=int, device=device)
         self.prefix = wp.array(values[0].astype(np.float64), dtype=wp.float64, device=device)
         self.chunks = -(-self.point_count // CHUNK)
@@ -181,11 +191,7 @@ class BlendTrials:
                 self.number.array,
                 self.choices.array,
                 self.blends.array,
-                self.ids,
-                self.values,
-                self.kind,
-                self.weight,
-                self.marked,
+                self.points,
             ],
             [self.next, self.place, self.prefix, self.sums.array],
             self.device,
