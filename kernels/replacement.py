@@ -85,21 +85,38 @@ def add_to_holders(
             left = others
 
 
+@wp.struct
+class Choice:
+    """The choice that newcomers come to."""
+
+    members: wp.array[int]
+    """Its candidates."""
+    held: wp.array[wp.float64]
+    """Sums of what it holds."""
+    alone: wp.array[wp.float64]
+    """(members * SUMS,): what it would lose with each member."""
+
+
+@wp.struct
+class HeldPoints:
+    """The sample points, and which of them each candidate holds; see `Holdings`."""
+
+    edges: wp.array[int]
+    points: wp.array[int]
+    bits: wp.array[wp.uint32]
+    stride: int
+    kind: wp.array[wp.uint8]
+    weight: wp.array[wp.float64]
+
+
 @wp.kernel
 def replace_members_kernel(
     first: int,
     newcomers: wp.array[int],
-    members: wp.array[int],
-    alone: wp.array[wp.float64],
-    edges: wp.array[int],
-    points: wp.array[int],
-    bits: wp.array[wp.uint32],
-    bit_stride: int,
+    choice: Choice,
     holders: wp.array[wp.uint32],
     stride: int,
-    kind: wp.array[wp.uint8],
-    weight: wp.array[wp.float64],
-    held: wp.array[wp.float64],
+    samples: HeldPoints,
     prices: Prices,
     # outputs
     out_gone: wp.array[wp.uint32],
@@ -110,12 +127,12 @@ def replace_members_kernel(
 ):
     """Add one newcomer and, while that raises the objective, remove the member whose absence raises it most.
 
-    `alone` is what the choice would lose with each member; `holders` has `stride` words for each point, a bit a
-    member. Of each newcomer, out_gone has a bit for each member that left, out_sums what it would lose with each one,
-    out_leavers the numbers in the list of members of those that left, in order, and -1 from there on.
+    `holders` has `stride` words for each point, a bit a member. Of each newcomer, out_gone has a bit for each member
+    that left, out_sums what it would lose with each one, out_leavers the numbers in the list of members of those that
+    left, in order, and -1 from there on.
     """
     t = first + wp.tid()
-    count = members.shape[0]
+    count = choice.members.shape[0]
     newcomer = newcomers[t]
     newcomer_word = newcomer / WORD_C
     newcomer_bit = wp.uint32(newcomer - newcomer_word * WORD_C)
@@ -128,23 +145,25 @@ def replace_members_kernel(
     for m in range(count):
         out_leavers[t * count + m] = -1
     for entry in range(count * SUMS_C):
-        out_sums[base + entry] = alone[entry]
+        out_sums[base + entry] = choice.alone[entry]
     for entry in range(SUMS_C):
-        out_held[now + entry] = held[entry]
+        out_held[now + entry] = choice.held[entry]
     changed = int(newcomer)
     for removed in range(count + 1):
         # The newcomer's points are held once more, or the last leaver's once less: by how many members else?
-        for i in range(edges[changed], edges[changed + 1]):
-            point = points[i]
+        for i in range(samples.edges[changed], samples.edges[changed + 1]):
+            point = samples.points[i]
             row = point * stride
             others = int(0)
             for word in range(stride):
                 others += int(wp.bit_count(holders[row + word] & ~out_gone[gone + word]))
-            number = int(kind[point])
+            number = int(samples.kind[point])
             twice = wp.where(number >= 2, wp.float64(1.0), wp.float64(0.0))
-            amount = weight[point]
+            amount = samples.weight[point]
             if removed > 0:
-                others += int((bits[point * bit_stride + newcomer_word] >> newcomer_bit) & wp.uint32(1))
+                others += int(
+                    (samples.bits[point * samples.stride + newcomer_word] >> newcomer_bit) & wp.uint32(1)
+                )
                 twice = -twice
                 amount = -amount
             if others == 0:
@@ -173,7 +192,7 @@ def replace_members_kernel(
         out_leavers[t * count + removed] = best
         word = best / WORD_C
         out_gone[gone + word] = out_gone[gone + word] | (wp.uint32(1) << wp.uint32(best - word * WORD_C))
-        changed = members[best]
+        changed = choice.members[best]
 
 
 def replace_members(
@@ -204,26 +223,19 @@ def replace_members(
         device,
         seconds_per_thread=5e-5,
     )
+    choice = Choice()
+    choice.members, choice.held = chosen, counts.held.array
+    choice.alone = wp.array(counts.removals(members).ravel(), dtype=wp.float64, device=device)
+    samples = HeldPoints()
+    samples.edges, samples.points = holdings.edges, holdings.points
+    samples.bits, samples.stride = holdings.bits(), holdings.stride
+    samples.kind, samples.weight = counts.kind, counts.weight
     leavers = wp.empty(max(1, tried * count), dtype=int, device=device)
     score = wp.empty(max(1, tried), dtype=wp.float64, device=device)
     launch(
         replace_members_kernel,
         tried,
-        [
-            asked,
-            chosen,
-            wp.array(counts.removals(members).ravel(), dtype=wp.float64, device=device),
-            holdings.edges,
-            holdings.points,
-            holdings.bits(),
-            holdings.stride,
-            holders,
-            stride,
-            counts.kind,
-            counts.weight,
-            counts.held.array,
-            prices,
-        ],
+        [asked, choice, holders, stride, samples, prices],
         [
             wp.empty(max(1, tried * stride), dtype=wp.uint32, device=device),
             wp.empty(max(1, tried * count * SUMS), dtype=wp.float64, device=device),

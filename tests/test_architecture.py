@@ -184,6 +184,22 @@ def test_only_kernels_launches_kernels() -> None:
     assert wrong == []
 
 
+MAX_KERNEL_ARGUMENTS = 12
+"""More than that are columns that belong together, or what a block needs: a struct. Read fields by `points.at` where a
+loop must become vector code."""
+
+
+def test_kernels_take_few_arguments() -> None:
+    many = {}
+    for path in python_files("kernels"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.FunctionDef) or len(node.args.args) <= MAX_KERNEL_ARGUMENTS:
+                continue
+            if any(ast.unparse(decorator).startswith("wp.kernel") for decorator in node.decorator_list):
+                many[f"{path.relative_to(ROOT)}:{node.name}"] = len(node.args.args)
+    assert many == {}
+
+
 def test_one_place_starts_python() -> None:
     """Children get -P there: without it they execute modules of the current folder."""
     wrong = [
