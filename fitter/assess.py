@@ -10,10 +10,11 @@ import warp as wp
 from ..kernels.blends import BlendTrials
 from ..kernels.combine import fold
 from ..kernels.field import primitives_at
+from ..kernels.objective_sums import Sums, objective
 from ..kernels.points import PointBlocks
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.rows import BLEND, SHAPES
-from .objective import UNOVERLAP_PRICE, Score, Tally
+from .objective import Score, Tally
 
 BLEND_CHOICES = (0.0, 0.01, 0.02, 0.035, 0.055)
 """Blend radii that are tried, ascending, normalised units."""
@@ -50,7 +51,7 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, device: wp
     blends = rows[:, BLEND]
     union = fold(values, blends)
     bare = (values.min(0) >= 0) & tally.box
-    held = np.append(tally.sums(union < 0), (bare & (union < 0)).sum())
+    held = np.array(Sums(*tally.sums(union < 0), twice=0.0, bare=(bare & (union < 0)).sum()))
     # A blend moves a surface by a quarter of itself at most.
     near = np.flatnonzero(np.abs(union) < max(BLEND_CHOICES[-1], float(blends.max(initial=0.0))))
     if not len(near):
@@ -66,15 +67,15 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, device: wp
         bare[near],
         device,
     )
+    # Blends change neither the number of primitives nor their overlaps.
+    prices = tally.prices(0.0)
     for k in range(1, len(rows)):
         choices = np.append(np.float32(BLEND_CHOICES), blends[k])
         sums = trials.sums_of(k, choices)
         sums += held - sums[-1]
-        # The search's objective of sums without overlap.
-        scores = tally.objective(np.append(sums[:, :4], np.zeros((len(sums), 1)), 1), 0, 0.0)
+        scores = objective(Sums(*sums.T), 0, prices)
         # A blend must earn its place: no smooth joint where a plain one is as good.
         scores -= np.where(choices > 0, 1e-5, 0.0)
-        scores -= UNOVERLAP_PRICE * sums[:, 4] / np.maximum(sums[:, 2] + sums[:, 3], 1.0)
         best = int(np.argmax(scores))
         held, blends[k] = sums[best], choices[best]
         trials.blends.host[k] = blends[k]

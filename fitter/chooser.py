@@ -12,9 +12,9 @@ import numpy as np
 
 from ..kernels.choice import AdditionSums
 from ..kernels.occupancy import Holdings
-from ..kernels.replacement import Prices, replace_members
+from ..kernels.replacement import replace_members
 from .cover import Cover
-from .objective import SEARCH_OVERLAP_PRICE, Tally
+from .objective import Tally
 
 ABSORBED = 0.75
 """Share of a member's points that a candidate which could stand for it holds."""
@@ -28,10 +28,6 @@ class Chooser(Cover):
         self.additions = AdditionSums(self.counts)
         self.airy = _hold_more_air(self.additions.of_all())
         self._common: dict[int, np.ndarray] = {}
-        self.prices = Prices()
-        self.prices.near_total, self.prices.box_total = tally.near_total, tally.box_total
-        self.prices.primitive, self.prices.false_volume = alpha, false_volume
-        self.prices.overlap = SEARCH_OVERLAP_PRICE
 
     def save(self) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, list[int]]:
         """What `restore` needs to come back to this choice."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.choice import Counts
+from ..kernels.objective_sums import Sums, objective
 from ..kernels.occupancy import Holdings
-from .objective import Tally
+from .objective import SEARCH_OVERLAP_PRICE, Tally
 
 
 class Cover:
@@ -15,13 +16,14 @@ class Cover:
     def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
         """`holdings` says which sample points each candidate holds; it must not change while this is in use."""
         self.tally, self.alpha, self.false_volume = tally, alpha, false_volume
+        self.prices = tally.prices(alpha, SEARCH_OVERLAP_PRICE, false_volume=false_volume)
         self.holdings = holdings
         self.chosen: list[int] = []
         self.counts = Counts(holdings, tally.kind, tally.weight)
 
     @property
     def held(self) -> np.ndarray:
-        """Sums (5,) of what the choice holds, as `Tally.objective` takes them."""
+        """Sums (HARD_SUMS,) of what the choice holds."""
         return self.counts.held.host
 
     def add(self, index: int) -> None:
@@ -39,7 +41,7 @@ class Cover:
         return float(self._objective(self.held, len(self.chosen)))
 
     def _objective(self, held: np.ndarray, primitive_count: int) -> np.ndarray:
-        return self.tally.objective(held, primitive_count, self.alpha, self.false_volume)
+        return objective(Sums(*held.T), primitive_count, self.prices)
 
     def best_removal(self) -> tuple[int, float]:
         """The member whose removal raises the objective most, and by how much."""

@@ -1,6 +1,6 @@
-"""The objective O = R - alpha n - 0.1 overlap - 0.25 unoverlap on fixed sample points, and its counts.
+"""The objective on fixed sample points: its prices, and the sums of the points that an assembly covers.
 
-R is the mean of two IoUs: on points near the surface, weighted by curvature, and on uniform points of the box.
+Points near the surface are weighted by curvature; those of the box are uniform (`kernels/objective_sums.py`).
 """
 
 from __future__ import annotations
@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from ..kernels.objective_sums import KINDS, Prices, Sums, objective, objective_terms
 
 OVERLAP_PRICE = 0.1
 """Objective lost to a share of the volume that lies in more than one primitive."""
@@ -77,7 +79,23 @@ class Tally:
 
     def sums(self, points: np.ndarray) -> np.ndarray:
         """Weight of the given points (mask or indices) by class, (4,) float64."""
-        return np.bincount(self.kind[points], self.weight[points], minlength=4)
+        return np.bincount(self.kind[points], self.weight[points], minlength=KINDS)
+
+    def prices(
+        self,
+        alpha: float,
+        overlap: float = OVERLAP_PRICE,
+        unoverlap: float = UNOVERLAP_PRICE,
+        false_volume: float = 1.0,
+    ) -> Prices:
+        """What the objective is made of beside sums.
+
+        Args:
+            alpha: price of a primitive.
+            overlap, unoverlap: prices of shares of the volume.
+            false_volume: weight of volume outside the target, 1 for the objective itself.
+        """
+        return Prices(self.near_total, self.box_total, alpha, overlap, unoverlap, false_volume)
 
     def score(self, covered: np.ndarray, held: np.ndarray, primitive_count: int, alpha: float) -> Score:
         """The objective of an assembly.
@@ -88,33 +106,12 @@ class Tally:
             primitive_count: of the assembly.
             alpha: price of a primitive.
         """
-        near_in, near_out, box_in, box_out = self.sums(covered)
-        near_iou = float(near_in / max(self.near_total + near_out, 1e-9))
-        volume_iou = float(box_in / max(self.box_total + box_out, 1e-9))
-        volume = max((covered & self.box).sum(), 1)
-        overlap = float(((held > 1) & self.box).sum() / volume)
-        unoverlap = float((covered & (held == 0) & self.box).sum() / volume)
-        objective = (
-            0.5 * (near_iou + volume_iou)
-            - alpha * primitive_count
-            - OVERLAP_PRICE * overlap
-            - UNOVERLAP_PRICE * unoverlap
+        sums = Sums(
+            *self.sums(covered),
+            twice=((held > 1) & self.box).sum(),
+            bare=(covered & (held == 0) & self.box).sum(),
         )
-        return Score(near_iou, volume_iou, overlap, unoverlap, primitive_count, objective)
-
-    def objective(
-        self, held: np.ndarray, primitive_count: int, alpha: float, false_volume: float = 1.0
-    ) -> np.ndarray:
-        """The objective from sums, for many assemblies at once, overlaps at the price of the search.
-
-        Args:
-            held: (..., 5): weight of the covered points by class, and box points covered twice.
-            primitive_count: of each.
-            alpha: price of a primitive.
-            false_volume: weight of volume outside the target, 1 for the objective itself.
-        """
-        near_in, near_out, box_in, box_out, twice = held.T
-        near = near_in / np.maximum(self.near_total + false_volume * near_out, 1e-9)
-        volume = box_in / np.maximum(self.box_total + false_volume * box_out, 1e-9)
-        overlap = twice / np.maximum(box_in + box_out, 1.0)
-        return 0.5 * (near + volume) - alpha * primitive_count - SEARCH_OVERLAP_PRICE * overlap
+        prices = self.prices(alpha)
+        near_iou, volume_iou, overlap, unoverlap = (float(term) for term in objective_terms(sums, prices))
+        worth = float(objective(sums, primitive_count, prices))
+        return Score(near_iou, volume_iou, overlap, unoverlap, primitive_count, worth)

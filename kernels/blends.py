@@ -14,6 +14,7 @@ import warp as wp
 from .buffers import Buffer
 from .combine import smooth_minimum_double
 from .launch import VECTOR_OPTIONS, launch
+from .objective_sums import BARE_C, SUMS, SUMS_C
 from .replay import Replay
 
 wp.set_module_options(VECTOR_OPTIONS)
@@ -21,10 +22,6 @@ wp.set_module_options(VECTOR_OPTIONS)
 CHUNK = 256
 """Points a thread sums over."""
 CHUNK_C = wp.constant(CHUNK)
-
-SUMS = 5
-"""Sums of the points in a union: weights by kind, 0 to 3, and how many of them are marked."""
-SUMS_C = wp.constant(SUMS)
 
 
 @wp.kernel
@@ -65,7 +62,7 @@ class Blended:
     values: wp.array[float]
     kind: wp.array[int]
     weight: wp.array[wp.float64]
-    marked: wp.array[int]
+    bare: wp.array[int]
 
 
 @wp.kernel
@@ -120,8 +117,8 @@ def try_blends_kernel(
                 if union < wp.float64(0.0):
                     sums = store + choice * SUMS_C
                     out_sums[sums + points.kind[i]] = out_sums[sums + points.kind[i]] + points.weight[i]
-                    if points.marked[i] != 0:
-                        out_sums[sums + SUMS_C - 1] = out_sums[sums + SUMS_C - 1] + wp.float64(1.0)
+                    if points.bare[i] != 0:
+                        out_sums[sums + BARE_C] = out_sums[sums + BARE_C] + wp.float64(1.0)
 
 
 class BlendTrials:
@@ -139,7 +136,7 @@ class BlendTrials:
         choice_count: int,
         kind: np.ndarray,
         weight: np.ndarray,
-        marked: np.ndarray,
+        bare: np.ndarray,
         device: wp.Device,
     ):
         """Begin with the second primitive.
@@ -149,7 +146,8 @@ class BlendTrials:
             blends: (primitive_count,).
             widest: at least as wide as any choice.
             choice_count: of the blends that are tried at a time.
-            kind, weight, marked: of the points, (n,); the kind is 0 to 3.
+            kind, weight: of the points, (n,); see `objective_sums`.
+            bare: (n,), which points of the box no primitive holds.
             device: where to try.
         """
         count, self.point_count = values.shape
@@ -161,8 +159,8 @@ class BlendTrials:
         self.points = Blended()
         self.points.ids = wp.empty(values.size, dtype=int, device=device)
         self.points.values = wp.empty(values.size, dtype=float, device=device)
-        self.points.kind, self.points.marked = (
-            wp.array(given.astype(np.int32), dtype=int, device=device) for given in (kind, marked)
+        self.points.kind, self.points.bare = (
+            wp.array(given.astype(np.int32), dtype=int, device=device) for given in (kind, bare)
         )
         self.points.weight = wp.array(weight, dtype=wp.float64, device=device)
         limits = np.maximum(blends, widest).astype(np.float32)
@@ -204,7 +202,7 @@ class BlendTrials:
         Points are left out to which that blend makes no difference. Primitives are asked for in order, none left out.
 
         Returns:
-            (choices, SUMS) float64: weights by kind, and how many are marked.
+            (choices, SUMS) float64, columns as in `Sums`, `twice` 0.
         """
         self.number.host[0], self.choices.host[:] = number, choices
         for buffer in (self.number, self.choices, self.blends):

@@ -1,8 +1,8 @@
 """A choice among candidates: how often its members hold each sample point, and what moves would make of that.
 
-Points come in four kinds, 0 near and in the target, 1 near and outside, 2 and 3 the same of the points of the box. What
-a set holds is told by five sums: the weights of the points it covers, by kind, and the points of the box that it
-covers twice. Weights are float32, so that float64 sums of them are exact, in whatever order they are taken.
+Of what a set holds there are the sums of a hard union (see `objective_sums`): the weights of the points it covers, by
+kind, and the points of the box that it covers twice. Weights are float32, so that float64 sums of them are exact, in
+whatever order they are taken.
 """
 
 from __future__ import annotations
@@ -15,14 +15,11 @@ import warp as wp
 
 from .buffers import Buffer
 from .launch import VECTOR_OPTIONS, launch
+from .objective_sums import BOX_KIND_C, HARD_SUMS, HARD_SUMS_C, TWICE_C
 from .occupancy import GROUP, GROUP_C, WORD_C, WORDS_C, Holdings
 from .replay import Replay
 
 wp.set_module_options(VECTOR_OPTIONS)
-
-SUMS = 5
-"""Sums of a set: weights by kind, and points held twice."""
-SUMS_C = wp.constant(SUMS)
 
 
 @wp.kernel
@@ -55,7 +52,7 @@ def recount_kernel(
         out_counts[point] = before + step
         fewer = wp.min(before, before + step)
         number = int(kind[point])
-        in_box = number >= 2
+        in_box = number >= BOX_KIND_C
         if fewer == 0:
             change_of_weight = wp.float64(step) * weight[point]
             out_held[number] = out_held[number] + change_of_weight
@@ -64,7 +61,7 @@ def recount_kernel(
             out_once[moved] = wp.where(in_box, float(step), 0.0)
             moved += 1
         elif fewer == 1 and in_box:
-            out_held[SUMS_C - 1] = out_held[SUMS_C - 1] + wp.float64(step)
+            out_held[TWICE_C] = out_held[TWICE_C] + wp.float64(step)
             out_moved[moved] = point
             out_freed[moved] = 0.0
             out_once[moved] = -float(step)
@@ -89,9 +86,9 @@ def mend_sums_kernel(
 ):
     """Add to the sums of a group of candidates what moved points change in them, in the order of their list."""
     group = first + wp.tid()
-    store = group * SUMS_C * GROUP_C
-    twice = store + (SUMS_C - 1) * GROUP_C
-    for j in range(SUMS_C * GROUP_C):
+    store = group * HARD_SUMS_C * GROUP_C
+    twice = store + TWICE_C * GROUP_C
+    for j in range(HARD_SUMS_C * GROUP_C):
         out_change[store + j] = 0.0
     for i in range(moved_count[0]):
         point = moved[i]
@@ -110,7 +107,7 @@ def mend_sums_kernel(
                     for j in range(WORD_C):
                         here = (held & (wp.uint32(1) << wp.uint32(j))) != wp.uint32(0)
                         out_change[twice + word * WORD_C + j] += wp.where(here, number, 0.0)
-    for entry in range(SUMS_C):
+    for entry in range(HARD_SUMS_C):
         row = (entry * group_count + group) * GROUP_C
         for j in range(GROUP_C):
             out_sums[row + j] += wp.float64(out_change[store + entry * GROUP_C + j])
@@ -131,16 +128,16 @@ def sum_removals_kernel(
     """What one member alone holds, by kind, and the points of the box that it and just one other hold."""
     member = first + wp.tid()
     k = members[member]
-    for entry in range(SUMS_C):
-        out_sums[member * SUMS_C + entry] = wp.float64(0.0)
+    for entry in range(HARD_SUMS_C):
+        out_sums[member * HARD_SUMS_C + entry] = wp.float64(0.0)
     for i in range(edges[k], edges[k + 1]):
         point = points[i]
         held = counts[point]
-        at = member * SUMS_C + int(kind[point])
+        at = member * HARD_SUMS_C + int(kind[point])
         if held == 1:
             out_sums[at] = out_sums[at] + weight[point]
-        elif held == 2 and kind[point] >= wp.uint8(2):
-            at = member * SUMS_C + SUMS_C - 1
+        elif held == 2 and int(kind[point]) >= BOX_KIND_C:
+            at = member * HARD_SUMS_C + TWICE_C
             out_sums[at] = out_sums[at] + wp.float64(1.0)
 
 
@@ -159,7 +156,7 @@ class Counts:
 
     Attributes:
         counts: (point_count,) int32.
-        held: (SUMS,) float64.
+        held: (HARD_SUMS,) float64.
         moved: by the last change.
     """
 
@@ -169,7 +166,7 @@ class Counts:
         self.kind = wp.array(kind.astype(np.uint8), dtype=wp.uint8, device=self.device)
         self.weight = wp.array(weight.astype(np.float64), dtype=wp.float64, device=self.device)
         self.counts = Buffer(holdings.point_count, np.int32, self.device)
-        self.held = Buffer(SUMS, np.float64, self.device)
+        self.held = Buffer(HARD_SUMS, np.float64, self.device)
         self.change = Buffer(2, np.int32, self.device)
         points, weights = (
             [wp.empty(max(1, holdings.point_count), dtype=dtype, device=self.device) for _ in range(2)]
@@ -213,9 +210,9 @@ class Counts:
         self.held.upload()
 
     def removals(self, members: Sequence[int]) -> np.ndarray:
-        """What would no longer be held without each of the members: (members, SUMS) float64."""
+        """What would no longer be held without each of the members: (members, HARD_SUMS) float64."""
         asked = wp.array(np.array(members, np.int32), dtype=int, device=self.device)
-        sums = wp.empty(max(1, len(members) * SUMS), dtype=wp.float64, device=self.device)
+        sums = wp.empty(max(1, len(members) * HARD_SUMS), dtype=wp.float64, device=self.device)
         launch(
             sum_removals_kernel,
             len(members),
@@ -231,7 +228,7 @@ class Counts:
             self.device,
             seconds_per_thread=1e-6,
         )
-        return sums.numpy()[: len(members) * SUMS].reshape(-1, SUMS)
+        return sums.numpy()[: len(members) * HARD_SUMS].reshape(-1, HARD_SUMS)
 
 
 class AdditionSums:
@@ -241,7 +238,7 @@ class AdditionSums:
         """`counts` has no members yet."""
         self.counts, holdings = counts, counts.holdings
         self.bits, self.group_count = holdings.bits(), holdings.group_count
-        self.sums = Buffer(SUMS * self.group_count * GROUP, np.float64, counts.device)
+        self.sums = Buffer(HARD_SUMS * self.group_count * GROUP, np.float64, counts.device)
         # With nothing chosen, a candidate adds just what would be missing if it alone were there.
         counts.counts.host.fill(1)
         counts.counts.upload()
@@ -253,9 +250,11 @@ class AdditionSums:
         self.run = Replay(self._launch, counts.device, capture=False)
 
     def of_all(self) -> np.ndarray:
-        """Weights covered by kind, and box points held twice, more with each candidate: (candidates, SUMS) float64."""
+        """What the sums grow by with each candidate: (candidates, HARD_SUMS) float64."""
         width = self.group_count * GROUP
-        return self.sums.host[: SUMS * width].reshape(SUMS, width)[:, : self.counts.holdings.count].T
+        return (
+            self.sums.host[: HARD_SUMS * width].reshape(HARD_SUMS, width)[:, : self.counts.holdings.count].T
+        )
 
     def _launch(self) -> None:
         counts, moved = self.counts, self.counts.moved

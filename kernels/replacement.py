@@ -7,39 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from .choice import SUMS, SUMS_C, Counts
+from .choice import Counts
 from .launch import VECTOR_OPTIONS, launch
+from .objective_sums import BOX_KIND_C, HARD_SUMS, HARD_SUMS_C, TWICE_C, HardPrices, Prices, hard_objective
 from .occupancy import WORD, WORD_C
 
 wp.set_module_options(VECTOR_OPTIONS)
-
-
-@wp.struct
-class Prices:
-    """What an objective is made of beside the sums of a set."""
-
-    near_total: wp.float64
-    """Weight of the near points in the target."""
-    box_total: wp.float64
-    """The same of the box's."""
-    primitive: wp.float64
-    """Price of a primitive."""
-    overlap: wp.float64
-    """Price of volume held twice, as a share."""
-    false_volume: wp.float64
-    """Weight of volume outside the target."""
-
-
-@wp.func
-def objective_of(held: wp.array[wp.float64], base: int, count: int, prices: Prices) -> wp.float64:
-    """The objective of `count` primitives from the sums at `base` (as `Tally.objective`)."""
-    least = wp.float64(1.0e-9)
-    box_in = held[base + 2]
-    box_out = held[base + 3]
-    near = held[base] / wp.max(prices.near_total + prices.false_volume * held[base + 1], least)
-    volume = box_in / wp.max(prices.box_total + prices.false_volume * box_out, least)
-    overlap = held[base + 4] / wp.max(box_in + box_out, wp.float64(1.0))
-    return wp.float64(0.5) * (near + volume) - prices.primitive * wp.float64(count) - prices.overlap * overlap
 
 
 @wp.kernel
@@ -80,7 +53,7 @@ def add_to_holders(
         while left != wp.uint32(0):
             others = left & (left - wp.uint32(1))
             m = word * WORD_C + int(wp.bit_count((left ^ others) - wp.uint32(1)))
-            at = base + m * SUMS_C + entry
+            at = base + m * HARD_SUMS_C + entry
             out_sums[at] = out_sums[at] + change
             left = others
 
@@ -94,7 +67,7 @@ class Choice:
     held: wp.array[wp.float64]
     """Sums of what it holds."""
     alone: wp.array[wp.float64]
-    """(members * SUMS,): what it would lose with each member."""
+    """(members * HARD_SUMS,): what it would lose with each member."""
 
 
 @wp.struct
@@ -117,7 +90,7 @@ def replace_members_kernel(
     holders: wp.array[wp.uint32],
     stride: int,
     samples: HeldPoints,
-    prices: Prices,
+    prices: HardPrices,
     # outputs
     out_gone: wp.array[wp.uint32],
     out_sums: wp.array[wp.float64],
@@ -137,16 +110,16 @@ def replace_members_kernel(
     newcomer_word = newcomer / WORD_C
     newcomer_bit = wp.uint32(newcomer - newcomer_word * WORD_C)
     gone = t * stride
-    base = t * count * SUMS_C
-    now = 2 * t * SUMS_C
-    after = now + SUMS_C
+    base = t * count * HARD_SUMS_C
+    now = 2 * t * HARD_SUMS_C
+    after = now + HARD_SUMS_C
     for word in range(stride):
         out_gone[gone + word] = wp.uint32(0)
     for m in range(count):
         out_leavers[t * count + m] = -1
-    for entry in range(count * SUMS_C):
+    for entry in range(count * HARD_SUMS_C):
         out_sums[base + entry] = choice.alone[entry]
-    for entry in range(SUMS_C):
+    for entry in range(HARD_SUMS_C):
         out_held[now + entry] = choice.held[entry]
     changed = int(newcomer)
     for removed in range(count + 1):
@@ -158,7 +131,7 @@ def replace_members_kernel(
             for word in range(stride):
                 others += int(wp.bit_count(holders[row + word] & ~out_gone[gone + word]))
             number = int(samples.kind[point])
-            twice = wp.where(number >= 2, wp.float64(1.0), wp.float64(0.0))
+            twice = wp.where(number >= BOX_KIND_C, wp.float64(1.0), wp.float64(0.0))
             amount = samples.weight[point]
             if removed > 0:
                 others += int(
@@ -169,21 +142,21 @@ def replace_members_kernel(
             if others == 0:
                 out_held[now + number] = out_held[now + number] + amount
             elif others == 1:
-                out_held[now + SUMS_C - 1] = out_held[now + SUMS_C - 1] + twice
+                out_held[now + TWICE_C] = out_held[now + TWICE_C] + twice
                 add_to_holders(holders, row, out_gone, gone, stride, number, -amount, out_sums, base)
-                add_to_holders(holders, row, out_gone, gone, stride, SUMS_C - 1, twice, out_sums, base)
-            elif others == 2 and number >= 2:
-                add_to_holders(holders, row, out_gone, gone, stride, SUMS_C - 1, -twice, out_sums, base)
-        score = objective_of(out_held, now, count + 1 - removed, prices)
+                add_to_holders(holders, row, out_gone, gone, stride, TWICE_C, twice, out_sums, base)
+            elif others == 2 and number >= BOX_KIND_C:
+                add_to_holders(holders, row, out_gone, gone, stride, TWICE_C, -twice, out_sums, base)
+        score = hard_objective(out_held, now, count + 1 - removed, prices)
         out_score[t] = score
         best = int(-1)
         best_gain = wp.float64(0.0)
         for m in range(count):
             word = m / WORD_C
             if (out_gone[gone + word] >> wp.uint32(m - word * WORD_C)) & wp.uint32(1) == wp.uint32(0):
-                for entry in range(SUMS_C):
-                    out_held[after + entry] = out_held[now + entry] - out_sums[base + m * SUMS_C + entry]
-                gain = objective_of(out_held, after, count - removed, prices) - score
+                for entry in range(HARD_SUMS_C):
+                    out_held[after + entry] = out_held[now + entry] - out_sums[base + m * HARD_SUMS_C + entry]
+                gain = hard_objective(out_held, after, count - removed, prices) - score
                 if gain > best_gain:
                     best = m
                     best_gain = gain
@@ -235,11 +208,11 @@ def replace_members(
     launch(
         replace_members_kernel,
         tried,
-        [asked, choice, holders, stride, samples, prices],
+        [asked, choice, holders, stride, samples, prices.argument],
         [
             wp.empty(max(1, tried * stride), dtype=wp.uint32, device=device),
-            wp.empty(max(1, tried * count * SUMS), dtype=wp.float64, device=device),
-            wp.empty(max(1, tried * 2 * SUMS), dtype=wp.float64, device=device),
+            wp.empty(max(1, tried * count * HARD_SUMS), dtype=wp.float64, device=device),
+            wp.empty(max(1, tried * 2 * HARD_SUMS), dtype=wp.float64, device=device),
             leavers,
             score,
         ],

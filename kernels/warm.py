@@ -29,6 +29,7 @@ from .mesh_query import MeshQuery
 from .mesh_rows import measure_band
 from .morphology import deepest_core
 from .normal_equations import normal_equations
+from .objective_sums import Prices
 from .occupancy import Holdings
 from .owned_points import owned_points
 from .ownership import find_owners, list_candidates, ownership_arrays
@@ -36,7 +37,7 @@ from .points import point_blocks
 from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
 from .raytrace import render_assembly, render_mesh
-from .replacement import Prices, replace_members
+from .replacement import replace_members
 from .rows import SHAPE, SHAPES, empty_rows
 from .solid_angles import summed_winding_numbers
 from .steps import Damping, advance, judge_alone, judge_together, step_state
@@ -81,7 +82,7 @@ def _warm_selection(primitives: PrimitiveSet, points: np.ndarray) -> None:
     additions = AdditionSums(counts)
     counts.count(0, 1)
     additions.mend()
-    replace_members(counts, [0], [0], Prices())
+    replace_members(counts, [0], [0], Prices(1.0, 1.0, 0.0, 0.0, 0.0))
     some = np.zeros(2)
     BlendTrials(np.ones((2, 2)), some, 0.1, 1, some, some, some, serial_device()).sums_of(1, [0.0])
 

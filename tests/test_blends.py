@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resfit.fitter.assess import BLEND_CHOICES, choose_blends
-from resfit.fitter.objective import UNOVERLAP_PRICE, ObjectiveSamples, Tally
+from resfit.fitter.objective import ObjectiveSamples, Tally
 from resfit.kernels.combine import fold
 from resfit.kernels.rows import BLEND, empty_rows
 
@@ -25,9 +25,8 @@ def joined_balls(rng, count):
 def score_of(values, blends, tally):
     """What a set of blends is worth."""
     union = fold(values.astype(np.float64), blends.astype(np.float64)) < 0
-    sums = tally.sums(union)
-    bare = (union & (values >= 0).all(0) & tally.box).sum()
-    return float(tally.objective(np.append(sums, 0.0), 0, 0.0)) - UNOVERLAP_PRICE * bare / sums[2:].sum()
+    held = np.where((values >= 0).all(0), 0, 1)
+    return tally.score(union, held, 0, 0.0).objective
 
 
 def test_each_blend_is_the_best_while_the_others_stay(device, rng):
