@@ -24,6 +24,7 @@ from ..kernels.normal_equations import normal_equations_at, partial_systems
 from ..kernels.ownership import find_owners, list_candidates, ownership_arrays
 from ..kernels.primitive_set import PrimitiveSet
 from ..kernels.replay import Replay
+from ..kernels.residuals import residual_weights
 from ..kernels.steps import Damping, advance, judge_together, rows_of, step_state
 from .config import RefineConfig
 from .levenberg import fit_ranges
@@ -55,7 +56,7 @@ def refine(
         rows: (primitive_count, ROW).
         families: their families.
         samples: target distances at the points of the loss.
-        config: steps, sharpness, weight of the overlap rows.
+        config: steps, sharpness, weights of the loss's terms.
         device: where to evaluate.
         should_stop: asked before each step; True returns the best so far.
 
@@ -97,7 +98,7 @@ class RefineStep:
         config: RefineConfig,
         device: wp.Device,
     ):
-        self.device, self.overlap, count = device, config.overlap, len(rows)
+        self.device, self.weights, count = device, residual_weights(config), len(rows)
         self.points = loss_points(samples.points, samples.distance, samples.weight, device)
         self.trial = PrimitiveSet(rows, families, device)
         ranges = fit_ranges(families)
@@ -105,7 +106,7 @@ class RefineStep:
         self.betas = wp.zeros(count, dtype=float, device=device)
         self.owners = ownership_arrays(count, self.points.blocks, self.points.bounds)
         self.found = contributions(count, self.points)
-        self.sorter = RowSorter(count, self.points, self.owners, self.found, config.overlap)
+        self.sorter = RowSorter(count, self.points, self.owners, self.found, self.weights)
         self.partial = partial_systems(self.sorter.rows, device)
         self.run = Replay(self.launch, device)
 
@@ -135,7 +136,7 @@ class RefineStep:
     def judge_and_advance(self) -> None:
         """The same, once owners are known."""
         count = len(self.trial)
-        weigh_points(self.points, self.owners, count, self.betas, self.overlap, self.found)
+        weigh_points(self.points, self.owners, count, self.betas, self.weights, self.found)
         self.sorter.sort()
         normal_equations_at(
             self.trial,

@@ -13,10 +13,11 @@ from .combine import gated
 from .launch import VECTOR_OPTIONS
 from .loss_points import MOVE
 from .made_once import made_once
-from .ownership import COVERED_C, Ownership
+from .ownership import Ownership
 from .points import BLOCK_C, PointBlocks, Points
 from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
+from .residuals import COVERED_C
 from .rows import BLEND_C, GATE_C, ROW_C
 from .vector_math import larger
 

@@ -1,12 +1,13 @@
 """The points of a refinement's loss, and what each contributes: its error, and the rows that it asks for.
 
-A point has up to three rows in the normal equations. OWN: the primitive nearest to it, with the union's error.
-BLENDED: the second nearest, with the same error, where the two blend. COVERED: the second nearest again, pushed out of
-a point that it covers too. Rows so far from the surface that their slope is nil are left out.
+Up to one row in the normal equations for each of the `RESIDUALS`. Own: the primitive nearest to it, with the union's
+error. Blended: the second nearest, with the same error, where the two blend. Covering: the second nearest again, pushed
+out of a point that it covers too. Rows so far from the surface that their slope is nil are left out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,9 @@ import warp as wp
 from .culling import BlockBounds, bound_blocks
 from .curve import curve_codes
 from .launch import VECTOR_OPTIONS, launch
-from .loss import occupancy
-from .ownership import COVERED_C, Owners, Ownership
+from .ownership import Owners, Ownership
 from .points import BLOCK, BLOCK_C, PointBlocks, at, point_blocks
+from .residuals import FLAT, RESIDUAL_COUNT, RESIDUALS, ResidualWeights
 from .vector_math import smaller
 
 wp.set_module_options(VECTOR_OPTIONS)
@@ -26,14 +27,9 @@ MASK = 0.1
 """Points farther than this from both the target and the assembly, outside, are not in the loss (the paper's mask)."""
 MASK_C = wp.constant(MASK)
 
-OWN, BLENDED, COVERING = wp.constant(1), wp.constant(2), wp.constant(4)
-"""Bits of the rows that a point asks for."""
-
-BLENDED_BELOW = wp.constant(0.98)
-"""Share of the owner in the union below which the second nearest gets a row of it too."""
-
-FLAT = wp.constant(6.0)
-"""Distance in units of 1 / sharpness beyond which the occupancy has no slope to speak of: 1 % of the steepest."""
+RESIDUAL_COUNT_C = wp.constant(RESIDUAL_COUNT)
+OF_SECOND_C = wp.constant(sum(residual.of_second << n for n, residual in enumerate(RESIDUALS)))
+"""Bits of the rows of the second nearest primitive."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,7 @@ class Contributions:
     loss: wp.array
     """(block_count,) float32: weighted squared errors, with those of covered points."""
     kind: wp.array
-    """(padded points,) int32: bits OWN, BLENDED, COVERING."""
+    """(padded points,) int32: a bit for each of the `RESIDUALS` that makes a row."""
     counts: wp.array
     """(primitive_count * block_count,) int32, primitive-major: rows of each primitive in each block."""
 
@@ -148,6 +144,30 @@ def drop_blocks(points: LossPoints, owners: Ownership, betas: wp.array) -> None:
     )
 
 
+# Loops over the table are in functions: static expressions unroll all loops around them.
+@wp.func
+def point_loss(
+    field: float, runner_up: float, target: float, seen: float, beta: float, weights: ResidualWeights
+) -> float:
+    """Weighted squared residuals of a point; `seen` is the root of its weight, or 0."""
+    total = float(0.0)
+    for n in range(RESIDUAL_COUNT_C):
+        if wp.static(RESIDUALS[n].error is not None):
+            error = seen * wp.static(RESIDUALS[n].error)(field, runner_up, target, beta)
+            total += weights[n] * error * error
+    return total
+
+
+@wp.func
+def point_kind(field: float, runner_up: float, share: float, seen: float, beta: float) -> int:
+    """Bits of the rows that a point makes."""
+    kind = int(0)
+    for n in range(RESIDUAL_COUNT_C):
+        has_row = wp.static(RESIDUALS[n].has_row)(field, runner_up, share, beta)
+        kind += wp.where(seen * has_row > 0.0, 1 << n, 0)
+    return kind
+
+
 @wp.kernel
 def weigh_points_kernel(
     first: int,
@@ -155,7 +175,7 @@ def weigh_points_kernel(
     distance: wp.array[float],
     root_weight: wp.array[float],
     betas: wp.array[float],
-    overlap: float,
+    weights: ResidualWeights,
     primitive_count: int,
     block_count: int,
     # outputs
@@ -180,30 +200,20 @@ def weigh_points_kernel(
         r = at(owners.runner_up, i)
         w = root_weight[i]
         seen = wp.where(u < MASK_C, w, wp.where(d < MASK_C, w, 0.0))
-        error = seen * (occupancy(u, beta) - occupancy(d, beta))
-        pushed = wp.where(r * beta < COVERED_C, seen, 0.0)
-        crossing = pushed * occupancy(r, beta)
-        total += error * error + overlap * crossing * crossing
-        steep = wp.where(wp.abs(beta * u) < FLAT, seen, 0.0)
-        own = wp.where(steep > 0.0, OWN, 0)
-        blended = wp.where(at(owners.share, i) < BLENDED_BELOW, wp.where(steep > 0.0, BLENDED, 0), 0)
-        covering = wp.where(wp.abs(beta * r) < FLAT, wp.where(pushed > 0.0, COVERING, 0), 0)
-        out_kind[i] = own + blended + covering
+        total += point_loss(u, r, d, seen, beta, weights)
+        out_kind[i] = point_kind(u, r, at(owners.share, i), seen, beta)
     out_loss[block] = total
     for j in range(BLOCK_C):
         kind = out_kind[base + j]
         if kind != 0:
-            if (kind & OWN) != 0:
+            of_second = int(wp.bit_count(kind & OF_SECOND_C))
+            of_owner = int(wp.bit_count(kind)) - of_second
+            if of_owner != 0:
                 place = owners.owner[base + j] * block_count + block
-                out_counts[place] = out_counts[place] + 1
-            if (kind & (BLENDED + COVERING)) != 0:
+                out_counts[place] = out_counts[place] + of_owner
+            if of_second != 0:
                 place = owners.second[base + j] * block_count + block
-                more = out_counts[place]
-                if (kind & BLENDED) != 0:
-                    more += 1
-                if (kind & COVERING) != 0:
-                    more += 1
-                out_counts[place] = more
+                out_counts[place] = out_counts[place] + of_second
 
 
 def weigh_points(
@@ -211,7 +221,7 @@ def weigh_points(
     owners: Ownership,
     primitive_count: int,
     betas: wp.array,
-    overlap: float,
+    weights: Sequence[float],
     out: Contributions,
 ) -> None:
     """Loss and rows of every block.
@@ -221,14 +231,14 @@ def weigh_points(
         owners: from `find_owners` at these points.
         primitive_count: of the assembly.
         betas: (primitive_count,) sharpness of the occupancy, all alike.
-        overlap: weight of the squared occupancy of a second primitive that covers a point.
+        weights: of the RESIDUALS.
         out: from `contributions`.
     """
     launch(
         weigh_points_kernel,
         points.blocks.block_count,
         [
-            *(owners.argument, points.distance, points.root_weight, betas, float(overlap)),
+            *(owners.argument, points.distance, points.root_weight, betas, ResidualWeights(*weights)),
             *(primitive_count, points.blocks.block_count),
         ],
         [out.loss, out.kind, out.counts],

@@ -6,22 +6,22 @@ and each block then writes its rows from where those before it end. The order is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
 from .launch import PLAIN_OPTIONS, launch
-from .loss_points import COVERING, OWN, Contributions, LossPoints
+from .loss_points import RESIDUAL_COUNT_C, Contributions, LossPoints
 from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints
 from .ownership import Ownership
 from .points import BLOCK, BLOCK_C
+from .residuals import RESIDUAL_COUNT, RESIDUALS, ResidualWeights
 
 wp.set_module_options(PLAIN_OPTIONS)
 
 EMPTY = wp.constant(1.0e30)
 """Target distance of a row that wants its primitive elsewhere."""
-
-ROWS_A_POINT = 3
-"""Most rows of a point."""
 
 
 @wp.struct
@@ -75,7 +75,7 @@ class RowSorter:
         points: of the loss.
         owners: filled by `find_owners` before each `sort`.
         found: filled by `weigh_points` before each `sort`.
-        overlap: weight of the rows that push a second primitive out.
+        weights: of the RESIDUALS.
     """
 
     def __init__(
@@ -84,11 +84,12 @@ class RowSorter:
         points: LossPoints,
         owners: Ownership,
         found: Contributions,
-        overlap: float,
+        weights: Sequence[float],
     ):
         self.device, self.blocks = points.blocks.device, points.blocks.block_count
-        self.counts, self.push = found.counts, float(overlap) ** 0.5
-        most = ROWS_A_POINT * points.blocks.x.shape[0] // OWNER_BLOCK + 1 + primitive_count
+        self.counts = found.counts
+        self.root_weights = ResidualWeights(*(weight**0.5 for weight in weights))
+        most = RESIDUAL_COUNT * points.blocks.x.shape[0] // OWNER_BLOCK + 1 + primitive_count
         self.totals = wp.empty(primitive_count, dtype=int, device=self.device)
         self.source = _source(points, owners, found)
         # Padding keeps what earlier steps wrote there: it must be finite from the start.
@@ -123,7 +124,7 @@ class RowSorter:
         launch(
             write_rows_kernel,
             self.blocks,
-            [self.source, rows.first_block, self.push, self.blocks],
+            [self.source, rows.first_block, self.root_weights, self.blocks],
             [self.counts, self.sink],
             self.device,
             seconds_per_thread=BLOCK * 6e-9,
@@ -176,12 +177,58 @@ def place_blocks_kernel(
             out_owners[block] = -1
 
 
+@wp.func
+def write_point_rows(
+    source: RowSource,
+    i: int,
+    block: int,
+    block_count: int,
+    first_block: wp.array[int],
+    root_weights: ResidualWeights,
+    # outputs
+    places: wp.array[int],
+    out: RowSink,
+):
+    """Write the rows of one point, in the order of the RESIDUALS."""
+    bits = source.kind[i]
+    for n in range(RESIDUAL_COUNT_C):
+        if (bits & (1 << n)) != 0:
+            k = source.owner[i]
+            offset = source.field[i] - source.nearest[i]
+            slope = source.share[i]
+            # Of the two that blend, the later one's radius counts.
+            other = source.second[i]
+            widening = -slope * (1.0 - slope)
+            target = source.distance[i]
+            if wp.static(RESIDUALS[n].of_second):
+                other = k
+                k = source.second[i]
+                offset = source.field[i] - source.runner_up[i]
+                slope = 1.0 - slope
+            if wp.static(RESIDUALS[n].empties):
+                offset = 0.0
+                slope = 1.0
+                widening = 0.0
+                target = EMPTY
+            at = k * block_count + block
+            place = first_block[k] * OWNER_BLOCK_C + places[at]
+            places[at] = places[at] + 1
+            out.x[place] = source.x[i]
+            out.y[place] = source.y[i]
+            out.z[place] = source.z[i]
+            out.target[place] = target
+            out.weight[place] = source.root_weight[i] * root_weights[n]
+            out.offset[place] = offset
+            out.slope[place] = slope
+            out.widening[place] = wp.where(k > other, widening, 0.0)
+
+
 @wp.kernel
 def write_rows_kernel(
     first: int,
     source: RowSource,
     first_block: wp.array[int],
-    push: float,
+    root_weights: ResidualWeights,
     block_count: int,
     # outputs
     places: wp.array[int],
@@ -193,37 +240,4 @@ def write_rows_kernel(
         return
     for j in range(BLOCK_C):
         i = block * BLOCK_C + j
-        bits = source.kind[i]
-        for bit in range(3):
-            row_kind = 1 << bit
-            if (bits & row_kind) != 0:
-                k = source.owner[i]
-                offset = source.field[i] - source.nearest[i]
-                slope = source.share[i]
-                # Of the two that blend, the later one's radius counts.
-                other = source.second[i]
-                widening = -slope * (1.0 - slope)
-                target = source.distance[i]
-                weight = source.root_weight[i]
-                if row_kind != OWN:
-                    other = k
-                    k = source.second[i]
-                    offset = source.field[i] - source.runner_up[i]
-                    slope = 1.0 - slope
-                if row_kind == COVERING:
-                    offset = 0.0
-                    slope = 1.0
-                    widening = 0.0
-                    target = EMPTY
-                    weight = weight * push
-                at = k * block_count + block
-                place = first_block[k] * OWNER_BLOCK_C + places[at]
-                places[at] = places[at] + 1
-                out.x[place] = source.x[i]
-                out.y[place] = source.y[i]
-                out.z[place] = source.z[i]
-                out.target[place] = target
-                out.weight[place] = weight
-                out.offset[place] = offset
-                out.slope[place] = slope
-                out.widening[place] = wp.where(k > other, widening, 0.0)
+        write_point_rows(source, i, block, block_count, first_block, root_weights, places, out)

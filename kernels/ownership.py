@@ -21,6 +21,7 @@ from .made_once import made_once
 from .points import BLOCK_C, PointBlocks, Points
 from .primitive_set import Primitives, PrimitiveSet
 from .primitives import family
+from .residuals import COVERED_C
 from .rows import BLEND_C, GATE_C, ROW_C
 from .vector_math import larger, smaller
 
@@ -28,10 +29,6 @@ wp.set_module_options(VECTOR_OPTIONS)
 
 MARGIN = wp.constant(1.0e-5)
 """Slack for the float32 error of the bounds."""
-
-COVERED = 0.5
-"""A point is covered by a primitive whose distance there is below this, in units of 1 / sharpness."""
-COVERED_C = wp.constant(COVERED)
 
 
 @wp.struct

@@ -38,6 +38,7 @@ from .primitive_set import PrimitiveSet
 from .primitives import FAMILIES
 from .raytrace import render_assembly, render_mesh
 from .replacement import replace_members
+from .residuals import RESIDUAL_COUNT
 from .rows import SHAPE, SHAPES, empty_rows
 from .solid_angles import summed_winding_numbers
 from .steps import Damping, advance, judge_alone, judge_together, step_state
@@ -95,8 +96,9 @@ def _warm_refinement(primitives: PrimitiveSet, points: np.ndarray) -> None:
     find_owners(primitives, shown.blocks, owners)
     drop_blocks(shown, owners, betas)
     drop_idle(primitives, shown.blocks, betas, owners)
-    weigh_points(shown, owners, 1, betas, 0.1, found)
-    RowSorter(1, shown, owners, found, 0.1).sort()
+    weights = (1.0,) * RESIDUAL_COUNT
+    weigh_points(shown, owners, 1, betas, weights, found)
+    RowSorter(1, shown, owners, found, weights).sort()
     state = step_state(primitives.rows_numpy(), np.zeros(SHAPE), np.ones(SHAPE), primitives.device)
     judge_alone(state, 1, Damping(0.5, 2.0, 1e-6))
     judge_together(state, 1, found.loss, Damping(0.5, 2.0, 1e-6))
