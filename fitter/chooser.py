@@ -20,6 +20,13 @@ ABSORBED = 0.75
 """Share of a member's points that a candidate which could stand for it holds."""
 
 
+MOSTLY_AIR = 4.0
+"""Air per solid, among the points of the box, above which a candidate is none: refinement makes rough ones precise."""
+
+LEAST_AIR = 4.0
+"""Points of air that are chance."""
+
+
 class Chooser(Cover):
     """The chosen candidates and the gains of all others."""
 
@@ -124,10 +131,10 @@ class Chooser(Cover):
 
 
 def _hold_more_air(sums: np.ndarray) -> np.ndarray:
-    """Which candidates (k,) hold more outside the target than in it, by their sums (k, 5).
+    """Which candidates (k,) hold far more outside the target than in it, by their sums (k, 5).
 
     Where everything else is poor even such a one raises an IoU: a slab across a filigree, which then explains all of it
     and leaves nothing to decompose.
     """
-    near_in, near_out, box_in, box_out, _ = sums.T
-    return near_out + box_out > near_in + box_in
+    _, _, solid, air, _ = sums.T
+    return air > MOSTLY_AIR * solid + LEAST_AIR
