@@ -43,8 +43,7 @@ class Cover:
 
     def best_removal(self) -> tuple[int, float]:
         """The member whose removal raises the objective most, and by how much."""
-        left = self.held - self.counts.removals(self.chosen)
-        gains = self._objective(left, len(self.chosen) - 1) - self.score()
+        gains = self.removal_gains()
         best = int(np.argmax(gains))
         return self.chosen[best], float(gains[best])
 
@@ -52,3 +51,8 @@ class Cover:
         """Weight of the points that each member alone holds, (members, 2): in the target and outside it."""
         near_in, near_out, box_in, box_out, _ = self.counts.removals(self.chosen).T
         return np.stack([near_in + box_in, near_out + box_out], axis=1)
+
+    def removal_gains(self) -> np.ndarray:
+        """By how much the objective rises without each member, (members,), in the order of choice."""
+        left = self.held - self.counts.removals(self.chosen)
+        return self._objective(left, len(self.chosen) - 1) - self.score()

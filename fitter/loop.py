@@ -184,13 +184,17 @@ class Fit(Track):
         return (status if ended in ENDED else ended), ends
 
     def finish(self) -> None:
-        """Blends and a sharp refinement in turn; kept only where the objective rises."""
+        """Mergers, then the polish."""
         if not len(self.rows):
             return
         self.alpha = self.price
         with self.timed("merge"):
             if self.config.optimizer == "levenberg":
                 self.merge()
+        self.polish()
+
+    def polish(self) -> None:
+        """Blends and a sharp refinement in turn; kept only where the objective rises."""
         with self.timed("finish"):
             rows, polish = self.rows, self.config.polish
             for _ in range(polish.passes):

@@ -67,6 +67,12 @@ class CandidateMemory:
         self.holdings.append_from(other.holdings, np.concatenate([np.zeros(0, np.int64), *places]))
         self.boxes = np.concatenate([self.boxes, other.boxes[new]])
 
+    def copy(self) -> CandidateMemory:
+        """Another memory of the same."""
+        other = CandidateMemory(self.inside, self.holdings.point_count, self.device)
+        other.take(self)
+        return other
+
     @contextmanager
     def joined_by(self, rows: np.ndarray) -> Iterator[Holdings]:
         """What all candidates remembered hold, and after them `rows` (k, ROW), for the time being."""

@@ -14,7 +14,9 @@ WORST_LOSS = 0.03
 """Objective that a merger may lose before it is refined."""
 
 
-def mergers(rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: int) -> list[np.ndarray]:
+def mergers(
+    rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: int, worst_loss: float = WORST_LOSS
+) -> list[np.ndarray]:
     """The rows after each of the most promising mergers, unrefined, best first.
 
     Args:
@@ -22,6 +24,7 @@ def mergers(rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: i
         memory: the candidates that may stand for two of them or more.
         bench: the fit: its samples, price and device.
         most: mergers at most.
+        worst_loss: objective that one may lose before it is refined.
     """
     count = len(rows)
     if count < 2 or not memory.rows:
@@ -29,10 +32,12 @@ def mergers(rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: i
     pool = np.concatenate([memory.candidates(), rows])
     members = list(range(len(pool) - count, len(pool)))
     with memory.joined_by(rows) as holdings:
-        return _mergers(Chooser(holdings, bench.tally, bench.alpha), pool, members, most)
+        return _mergers(Chooser(holdings, bench.tally, bench.alpha), pool, members, most, worst_loss)
 
 
-def _mergers(choice: Chooser, pool: np.ndarray, members: list[int], most: int) -> list[np.ndarray]:
+def _mergers(
+    choice: Chooser, pool: np.ndarray, members: list[int], most: int, worst_loss: float
+) -> list[np.ndarray]:
     """`mergers` of the members of a pool."""
     for index in members:
         choice.add(index)
@@ -44,7 +49,7 @@ def _mergers(choice: Chooser, pool: np.ndarray, members: list[int], most: int) -
     )
     moves = []
     for place in np.argsort(-scores, kind="stable")[:most]:
-        if scores[place] < choice.score() - WORST_LOSS:
+        if scores[place] < choice.score() - worst_loss:
             break
         index = able[place]
         leavers = _absorbed(members, absorbs[index])

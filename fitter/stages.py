@@ -1,29 +1,32 @@
-"""A fit as it was asked for: of the whole or part by part, cut down to the best count, made regular."""
+"""A fit as it was asked for: of the whole or part by part, with few enough parts, made regular; its trade-off."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 import warp as wp
 
 from ..target.target import Target
-from .config import FitConfig
+from .config import MOST_PRIMITIVES, FitConfig
 from .judge import Judge
 from .mirror_pairs import mirror_pairs
-from .outcome import Outcome
-from .per_part import fit_parts, grid_iou
+from .outcome import Outcome, Status
+from .per_part import fit_parts, grid_iou, name_primitives
 from .progress import Progress
+from .reduction import Reduction
 from .relations import Relation
 from .snap import snap
 from .standard_form import standard_forms
 from .standing import fit_standing
 from .ties import Copied
-from .trade_off import RICH_SHARE, Cut, cut_down
+from .trade_off import RICH_SHARE, Cut, cut_down, places_in, reductions, trade_off
 
-CURVE_BEGINS, SNAP_BEGINS = 0.7, 0.85
-"""Shares of the work, as progress counts it, that are done when these stages begin."""
+CURVE_BEGINS, SNAP_BEGINS, REDUCTION_BEGINS = 0.25, 0.85, 0.55
+"""Shares of the work up to the end of these stages, as progress counts it, that are done when they begin."""
 
 
 @dataclass
@@ -41,9 +44,7 @@ class Fitted:
     notes: list[str] = field(default_factory=list)
     """Sentences about how it was fitted."""
     curve: list[Cut] = field(default_factory=list)
-    """The trade-off, the richest first; empty unless asked for."""
-    rich_names: list[str] | None = None
-    """Names of the parts of the richest one."""
+    """The trade-off, the fewest parts first; empty unless asked for."""
 
 
 def fit_stages(
@@ -55,31 +56,58 @@ def fit_stages(
     start_rows: np.ndarray | None = None,
 ) -> Fitted:
     """Fit a target with everything that the configuration asks for; the arguments are those of `fit_target`."""
-    share = CURVE_BEGINS if config.pareto else SNAP_BEGINS if config.snap else 1.0
+    begin = time.perf_counter()
+
+    def stopped() -> bool:
+        return should_stop() or 0 < config.timeout < time.perf_counter() - begin
+
     tell = on_progress or (lambda progress: None)
-
-    def tell_share(progress: Progress) -> None:
-        tell(replace(progress, fraction=share * progress.fraction))
-
-    priced = replace(config, parsimony=RICH_SHARE * config.parsimony) if config.pareto else config
-    fitted = None
-    if start_rows is None and takes_apart(config):
-        parts = fit_parts(target, priced, device, tell_share, should_stop, config.per_part == "on")
-        if parts is not None:
-            fitted = Fitted(parts.outcome, parts.names, parts.copies, notes=parts.notes)
-    if fitted is None:
-        fitted = Fitted(fit_standing(target, priced, device, tell_share, should_stop, start_rows))
-    if config.pareto and len(fitted.outcome.rows):
-        tell(_progress("curve", fitted.outcome, CURVE_BEGINS))
-        _cut(fitted, target, config, device, should_stop)
+    before_curve = CURVE_BEGINS if config.pareto else 1.0
+    before_snap = before_curve * (SNAP_BEGINS if config.snap else 1.0)
+    free = replace(config, max_primitives=MOST_PRIMITIVES) if _reduces(config) else config
+    before_reduction = before_snap * (1.0 if free is config else REDUCTION_BEGINS)
+    fitted = _fit(target, free, device, _in_share(tell, before_reduction), should_stop, start_rows)
+    full = fitted.outcome.rows
+    if len(full) > config.max_primitives:
+        tell(_progress("reduce", fitted.outcome, before_reduction))
+        _reduce(fitted, target, config, device, stopped)
     if config.snap and not fitted.outcome.status.stopped_early:
-        tell(_progress("snap", fitted.outcome, SNAP_BEGINS))
+        tell(_progress("snap", fitted.outcome, before_snap))
         _snap(fitted, target, config, device, should_stop)
     else:
-        if not fitted.curve:
-            _standardise(fitted, target, config, device)
+        _standardise(fitted, target, config, device)
         fitted.relations = _copies(fitted)
+    if config.pareto and len(full):
+        tell(_progress("curve", fitted.outcome, before_curve))
+        fitted.curve = _curve(fitted.outcome, full, target, config, device, stopped)
     return fitted
+
+
+def _fit(
+    target: Target,
+    config: FitConfig,
+    device: wp.Device,
+    tell: Callable[[Progress], None],
+    should_stop: Callable[[], bool],
+    start_rows: np.ndarray | None = None,
+) -> Fitted:
+    """The fit alone, part by part or of the whole."""
+    if start_rows is None and takes_apart(config):
+        parts = fit_parts(target, config, device, tell, should_stop, config.per_part == "on")
+        if parts is not None:
+            return Fitted(parts.outcome, parts.names, parts.copies, notes=parts.notes)
+    return Fitted(fit_standing(target, config, device, tell, should_stop, start_rows))
+
+
+def _in_share(tell: Callable[[Progress], None], share: float) -> Callable[[Progress], None]:
+    """What tells of progress within the first share of the work."""
+    return lambda progress: tell(replace(progress, fraction=share * progress.fraction))
+
+
+def _reduces(config: FitConfig) -> bool:
+    """Whether a fit is made with as many parts as pay, and then with as few as are allowed: not by others' methods."""
+    ours = config.optimizer == "levenberg" and config.decompose == "msd"
+    return ours and config.max_primitives < MOST_PRIMITIVES
 
 
 def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
@@ -96,37 +124,54 @@ def takes_apart(config: FitConfig) -> bool:
     return not goal and config.optimizer == "levenberg" and config.decompose == "msd"
 
 
-def _cut(
+def _reduce(
     fitted: Fitted, target: Target, config: FitConfig, device: wp.Device, should_stop: Callable[[], bool]
 ) -> None:
-    """The curve, and of it the assembly with the best objective."""
-    outcome = fitted.outcome
-    judge = Judge(target, config, device)
-    cuts = cut_down(outcome.rows, judge, config, should_stop)
-    copies = [_copies_in(cut, fitted) for cut in cuts]
-    fitted.curve = []
-    for cut, tied in zip(cuts, copies, strict=True):
-        rows = standard_forms(cut.rows, judge, tied)
-        fitted.curve.append(replace(cut, rows=rows, score=judge.score(rows)))
-    number = int(np.argmax([cut.score.objective for cut in fitted.curve]))
-    best = fitted.curve[number]
-    fitted.rich_names = fitted.names
+    """The best assembly of as many parts as are allowed in place of the fit's."""
+    full, early = fitted.outcome, fitted.outcome.status.stopped_early
+    reduction = Reduction(full.rows, target, config, device, should_stop)
+    while len(reduction.rows) > config.max_primitives:
+        reduction.step()
+    rows = reduction.improved(len(reduction.rows))
     if fitted.names is not None:
-        fitted.names = [fitted.names[old] for old in best.kept]
-    fitted.copies = copies[number]
-    _take(fitted, best.rows, target, judge)
+        names = fitted.names
+        places = places_in(full.rows, rows, reduction.judge)
+        fitted.names = name_primitives([names[place] if place < len(names) else "part" for place in places])
+    fitted.copies = []
+    _take(fitted, rows, target, reduction.judge)
+    if not early:
+        fitted.outcome.status = Status.MAX_PRIMITIVES
+    some = "part" if len(rows) == 1 else f"{len(rows)} parts"
+    fitted.notes.append(f"The best {some} in place of {len(full.rows)}; raise --max-primitives for more.")
 
 
-def _copies_in(cut: Cut, fitted: Fitted) -> list[Copied]:
-    """The copies that hold in an assembly of the curve: none where it was refined since."""
-    if not np.array_equal(cut.rows, fitted.outcome.rows[list(cut.kept)]):
-        return []
-    place = {old: new for new, old in enumerate(cut.kept)}
-    return [
-        replace(copy, source=place[copy.source], index=place[copy.index])
-        for copy in fitted.copies
-        if copy.source in place and copy.index in place
-    ]
+def _curve(
+    outcome: Outcome,
+    full: np.ndarray,
+    target: Target,
+    config: FitConfig,
+    device: wp.Device,
+    should_stop: Callable[[], bool],
+) -> list[Cut]:
+    """The trade-off: of the outcome, of fits that may have fewer parts, and of one in which parts are cheaper.
+
+    Args:
+        outcome: the fit's own.
+        full: its rows before there were to be fewer or regular ones.
+        target, config, device, should_stop: as in `fit_stages`.
+    """
+    judge = Judge(target, config, device)
+    rich = full
+    if not should_stop():
+        price = RICH_SHARE * config.parsimony
+        cheaper = replace(config, parsimony=price, max_primitives=MOST_PRIMITIVES, timeout=0.0)
+        rich = _fit(target, cheaper, device, lambda progress: None, should_stop).outcome.rows
+    others = [cut_down(rich, judge, config, should_stop)]
+    if _reduces(replace(config, max_primitives=1)):
+        others.append(reductions(Reduction(full, target, config, device, should_stop)))
+    return trade_off(
+        outcome.rows, chain([full], *others), judge, max(config.max_primitives, len(outcome.rows))
+    )
 
 
 def _snap(

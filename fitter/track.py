@@ -50,6 +50,9 @@ SECOND_RICH = ((0.4, 2.0), (0.7, 1.4))
 JOINT_RICH = ((0.7, 1.2),)
 """The same where the ends of several tracks are put together."""
 
+THOROUGH = 2
+"""Excursions from which a fit with as many parts as are allowed goes on: it exchanges them for better ones."""
+
 ADAM_SEEDS = 7
 """Regions that a round seeds with the paper's optimiser: its seven steps of decomposition."""
 
@@ -133,7 +136,7 @@ class Track(Workbench):
             return Status.TARGET_IOU
         if len(self.rows) and self.config.tolerance > 0 and self.deviation() <= self.config.tolerance:
             return Status.TOLERANCE
-        if len(self.rows) >= self.config.max_primitives:
+        if len(self.rows) >= self.config.max_primitives and self.config.excursions < THOROUGH:
             return Status.MAX_PRIMITIVES
         return None
 

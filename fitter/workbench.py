@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 import warp as wp
 
-from ..decomposition.neighbours import coarse_cells, divide, halves, neighbour_pairs, part_regions
+from ..decomposition.neighbours import Parts, coarse_cells, divide, halves, neighbour_pairs, part_regions
 from ..decomposition.region import Region
 from ..decomposition.target_cells import target_cells
 from ..kernels.combine import fold
@@ -175,12 +175,15 @@ class Workbench:
         owners = values[:, wrong].argmin(0)
         return np.bincount(owners, self.samples.weight[wrong], minlength=len(self.rows))
 
-    def neighbour_regions(self) -> list[Region]:
-        """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
-        count, settings = len(self.rows), self.config.propose
+    def parts(self) -> Parts:
+        """What each primitive holds of the target."""
         values = values_at(self.rows, self.families(self.rows), self.coarse_blocks, self.device)
         owner = values.argmin(0).astype(np.int32)
-        parts = divide(self.target_cells, owner[self.coarse_cells.around], count)
+        return divide(self.target_cells, owner[self.coarse_cells.around], len(self.rows))
+
+    def neighbour_regions(self) -> list[Region]:
+        """Parts of what single primitives hold, where they fit badly, and what touching pairs hold, to be merged."""
+        settings, parts = self.config.propose, self.parts()
         pairs = neighbour_pairs(parts)[: settings.merges]
         worst = np.argsort(-self.errors(), kind="stable")[: settings.splits]
         singles = part_regions(parts, [(int(k),) for k in worst], "part")

@@ -128,6 +128,10 @@ def test_stops(table, device):
     target = make_target(table, device)
     few = fit_target(target, fast(max_primitives=2), device)
     assert len(few.rows) <= 2 and few.status is Status.MAX_PRIMITIVES
+    # A thorough one goes on, and exchanges the parts that it may have.
+    thorough = fit_target(target, fast(max_primitives=2, excursions=2), device)
+    assert len(thorough.rows) <= 2 and thorough.status is not Status.MAX_PRIMITIVES
+    assert thorough.score.objective >= few.score.objective
     easy = fit_target(target, fast(target_iou=0.3), device)
     assert easy.status is Status.TARGET_IOU and easy.iou >= 0.3
     late = fit_target(target, fast(timeout=1e-6), device)

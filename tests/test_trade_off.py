@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,31 +18,76 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.worth import exclusive_volumes, part_worths
 from resfit.errors import InputError
+from resfit.fitter.trade_off import rising
 from resfit.folder import PARETO
 from resfit.result import FitResult
+from resfit.trade_off import Point
 
 
 @pytest.fixture(scope="module")
 def result() -> FitResult:
-    """Three boxes of falling size in a row."""
+    """A fit of three boxes with its curve."""
+    return resfit.fit(three_boxes(), preset="fast", device="cpu", pareto=True)
+
+
+def three_boxes() -> trimesh.Trimesh:
+    """Boxes of falling size in a row."""
     boxes = [trimesh.creation.box((size, size, size)) for size in (2.0, 1.5, 1.0)]
     for box, place in zip(boxes, (0.0, 2.5, 4.5), strict=True):
         box.apply_translation((place, 0.0, 0.0))
-    return resfit.fit(trimesh.util.concatenate(boxes), preset="fast", device="cpu", pareto=True)
+    return trimesh.util.concatenate(boxes)
 
 
-def test_curve_rises_to_the_chosen_one(result: FitResult) -> None:
+def test_curve_rises_through_the_chosen_one(result: FitResult) -> None:
     curve = result.curve
     assert curve is not None
     counts = [point.count for point in curve.points]
-    assert counts == list(range(1, len(counts) + 1)) and len(counts) >= 3
+    assert counts[:3] == [1, 2, 3]
     assert [len(assembly.primitives) for assembly in curve.assemblies] == counts
+    check_that_it_rises(curve.points)
     (chosen,) = [index for index, point in enumerate(curve.points) if point.chosen]
     assert curve.assemblies[chosen].rows().tobytes() == result.assembly.rows().tobytes()
-    assert curve.points[chosen].objective == max(point.objective for point in curve.points)
     assert curve.points[chosen].objective == pytest.approx(result.objective["objective"], abs=1e-5)
     assert curve.points[2].iou > 0.95 > curve.points[0].iou
     assert result.metrics["iou"] == pytest.approx(curve.points[chosen].iou, abs=1e-5)
+
+
+def check_that_it_rises(points: Sequence[Point]) -> None:
+    """More parts never match less."""
+    for fewer, more in pairwise(points):
+        assert fewer.count < more.count and fewer.iou <= more.iou and fewer.worth <= more.worth
+
+
+def test_the_curve_does_not_change_the_fit(result: FitResult) -> None:
+    plain = resfit.fit(three_boxes(), preset="fast", device="cpu")
+    assert plain.assembly.to_json() == result.assembly.to_json()
+
+
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [
+        ((0.1, 0.5, 0.4, 0.6, 0.9), [1, 2, 4, 5]),
+        ((0.1, 0.7, 0.4, 0.6, 0.5), [1, 3, 4]),
+    ],
+)
+def test_what_falls_is_left_out(values: tuple[float, ...], kept: list[int]) -> None:
+    """The chosen one, of four parts here, never is."""
+    assert rising(list(enumerate(values, 1)), 4) == kept
+
+
+@pytest.mark.slow
+def test_a_limit_finds_what_the_curve_has() -> None:
+    boxes = [trimesh.creation.box(size) for size in ((4, 2, 1), (1, 1, 3), (2, 1, 1), (1, 3, 1))]
+    for number, box in enumerate(boxes):
+        box.apply_translation((1.7 * number, 0.3 * number, 0.5 * number))
+    mesh = trimesh.util.concatenate(boxes)
+    curve = resfit.fit(mesh, preset="fast", device="cpu", pareto=True).curve
+    assert curve is not None
+    check_that_it_rises(curve.points)
+    for most in (2, 4):
+        few = resfit.fit(mesh, preset="fast", device="cpu", max_primitives=most)
+        known = max(point.worth for point in curve.points if point.count <= most)
+        assert few.objective["objective"] + few.options["parsimony"] * len(few.gains) <= known + 1e-6
 
 
 def test_files_come_and_go(result: FitResult, tmp_path: Path) -> None:
@@ -108,7 +155,7 @@ def test_progress_of_all_stages() -> None:
     seen: list = []
     options = {"preset": "fast", "device": "cpu", "rounds": 1, "snap": True, "pareto": True, "per_part": "on"}
     result = resfit.fit(trimesh.util.concatenate(boxes), None, seen.append, **options)
-    assert [entry.stage for entry in seen][-2:] == ["curve", "snap"] and "parts" in [
+    assert [entry.stage for entry in seen][-2:] == ["snap", "curve"] and "parts" in [
         entry.stage for entry in seen
     ]
     fractions = [entry.fraction for entry in seen]

@@ -30,10 +30,8 @@ def add_stages(result: FitResult, fitted: Fitted, target: Target, config: FitCon
     relations = tuple(relation.describe(names) for relation in fitted.relations)
     curve, timings = None, dict(result.timings)
     if fitted.curve:
-        rich = fitted.curve[0].rows
-        labels = fitted.rich_names or [f"part_{index:02d}" for index in range(len(rich))]
         with timed(timings, "curve"):
-            curve = measure_curve(fitted.curve, target, config, assembly.provenance, labels)
+            curve = measure_curve(fitted.curve, target, config, assembly)
     notes = list(fitted.notes)
     said: dict[str, Any] = {}
     if fitted.snapped:

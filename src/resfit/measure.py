@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -120,7 +120,8 @@ def _recorded(config: FitConfig, start: Assembly | None) -> dict[str, Any]:
     """The options that decide the result, JSON values; stages' own only where they are not the preset's."""
     usual = asdict(preset_config(config.preset))
     options: dict[str, Any] = {"preset": config.preset}
-    for name, value in asdict(config).items():
+    # The trade-off comes after the result and does not change it.
+    for name, value in asdict(replace(config, pareto=False)).items():
         if name not in UNRECORDED and (not isinstance(value, dict) or value != usual[name]):
             options[name] = value
     if start is not None:

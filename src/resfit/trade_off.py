@@ -13,10 +13,9 @@ from pathlib import Path
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.atomic_write import write_bytes
 from resfit.assembly.colors import palette_color
-from resfit.assembly.provenance import Provenance
 from resfit.eval.metrics import measure_cheap, measure_deviation
 from resfit.fitter.config import FitConfig
-from resfit.fitter.trade_off import Cut
+from resfit.fitter.trade_off import Cut, rising
 from resfit.target.target import Target
 
 SIZE, MARGIN = (560.0, 320.0), (64.0, 28.0, 20.0, 48.0)
@@ -34,12 +33,14 @@ class Point:
     iou: float
     """At the 128^3 cell centres."""
     objective: float
+    worth: float
+    """The objective without the price of its parts: more parts are worth more."""
     surface_p95: float | None
     """95th percentile of the distance between the surfaces, mesh units; None without a surface."""
     floats: int
     """Numbers that store it."""
     chosen: bool
-    """Whether it is the one that the fit returns: the one with the best objective."""
+    """Whether it is the one that the fit returns."""
 
 
 @dataclass(frozen=True)
@@ -64,17 +65,12 @@ class Curve:
             assembly.save(folder / "pareto" / f"assembly_{point.count:02d}.json")
 
 
-def measure_curve(
-    cuts: Sequence[Cut], target: Target, config: FitConfig, provenance: Provenance, names: Sequence[str]
-) -> Curve:
-    """The curve of cuts (richest first) of an assembly whose parts have these names."""
-    best = max(cuts, key=lambda cut: cut.score.objective)
+def measure_curve(cuts: Sequence[Cut], target: Target, config: FitConfig, chosen: Assembly) -> Curve:
+    """The curve of cuts (fewest parts first), one of which is the chosen assembly; the others' parts have the names and
+    colours of those that they stand for."""
     points, assemblies = [], []
-    for cut in reversed(cuts):
-        families = [config.primitive] * len(cut.rows)
-        colors = [palette_color(index) for index in cut.kept]
-        assembly = Assembly.from_rows(cut.rows, families, colors, target.transform, provenance)
-        assembly = assembly.renamed([names[index] for index in cut.kept])
+    for cut in cuts:
+        assembly = chosen if cut.chosen else _assembly_of(cut, config, chosen)
         cheap = measure_cheap(assembly, target, config.device)
         deviation = measure_deviation(assembly, target, config.device)
         points.append(
@@ -82,17 +78,35 @@ def measure_curve(
                 len(cut.rows),
                 round(float(cheap["iou"]), 6),
                 round(cut.score.objective, 6),
+                round(cut.worth, 6),
                 None if deviation is None else float(f"{deviation.p95:.6g}"),
                 int(cheap["floats"]),
-                cut is best,
+                cut.chosen,
             )
         )
         assemblies.append(assembly)
-    return Curve(tuple(points), tuple(assemblies))
+    own = next(point.count for point in points if point.chosen)
+    # Samples say which is worth more; by cells it may match a little worse.
+    kept = rising([(point.count, point.iou) for point in points], own)
+    pairs = [pair for pair in zip(points, assemblies, strict=True) if pair[0].count in kept]
+    return Curve(tuple(point for point, _ in pairs), tuple(assembly for _, assembly in pairs))
+
+
+def _assembly_of(cut: Cut, config: FitConfig, chosen: Assembly) -> Assembly:
+    """The assembly of a cut; numbers name parts that stand for none of the chosen one's."""
+    names = [part.name for part in chosen.primitives]
+    while len(names) <= max(cut.places):
+        number = len(names)
+        while (name := f"part_{number:02d}") in names:
+            number += 1
+        names.append(name)
+    families, colors = [config.primitive] * len(cut.rows), [palette_color(place) for place in cut.places]
+    assembly = Assembly.from_rows(cut.rows, families, colors, chosen.transform, chosen.provenance)
+    return assembly.renamed([names[place] for place in cut.places])
 
 
 def draw(points: Sequence[Point]) -> str:
-    """IoU and objective against the number of parts, as SVG; the chosen one is marked."""
+    """IoU and worth against the number of parts, as SVG; the chosen one is marked."""
     left, top, right, bottom = MARGIN
     width, height = SIZE[0] - left - right, SIZE[1] - top - bottom
     most = max(point.count for point in points)
@@ -110,7 +124,7 @@ def draw(points: Sequence[Point]) -> str:
         body.append(_text(x, y + 18, str(count), "middle", FAINT))
     body.append(_text(left + width / 2, SIZE[1] - 10, "parts", "middle", INK))
     for number, (label, values) in enumerate(
-        (("IoU", [point.iou for point in points]), ("objective", [point.objective for point in points]))
+        (("IoU", [point.iou for point in points]), ("worth", [point.worth for point in points]))
     ):
         color = palette_color(number)
         spots = [place(point.count, value) for point, value in zip(points, values, strict=True)]

@@ -64,10 +64,11 @@ def fit(
             fitted one after the other.
         output: folder to write, which may hold an earlier fit; STEM.resfit in the current folder unless given. Of
             several meshes: the folder that these come to lie in.
-        preset: how much work to spend.
+        preset: how much work to spend. best, about three times balanced, also takes parts that bring a third as much:
+            for likeness, where parts need not be few.
         device: auto (the CPU), cpu or cuda:0.
         seed: of all random choices.
-        max_primitives: stop at this many parts; 64 unless given.
+        max_primitives: give the best assembly of at most so many parts; 64 unless given.
         target_iou: stop once the assembly matches the solid this well, 0 to 1.
         tolerance: stop once 95 % of the surface is nearer than this, in the mesh's units.
         timeout: seconds after which the best so far is written; a mesh may take 10 s to be read in any case.
@@ -82,7 +83,7 @@ def fit(
         parsimony: what a part must add to the objective to be worth having; about 0.0026 unless given, 0.0008 with
             best.
         snap: make the result regular: symmetry, canonical shapes, equal axes, sizes and centres.
-        pareto: write the best assembly of every number of parts too; the fit itself is the one that pays best.
+        pareto: write the best assembly of every number of parts too; the fit itself stays as it is.
         per_part: fit the mesh's nodes, or else its bodies, one by one and keep their names; --whole never does; unless
             given, that is done where it pays.
         view: open a window that shows the fit as it happens; closing it does not stop the fit.
