@@ -207,6 +207,96 @@ def test_heavy_packages_load_inside_functions() -> None:
     assert wrong == []
 
 
+TESTED_THROUGH: dict[str, tuple[str, ...]] = {
+    # Commands and what only they call: driven as people call them, by `resfit.cli.main`.
+    "test_cli.py": (
+        "__main__",
+        "cli.completion",
+        "cli.doctor",
+        "cli.export",
+        "cli.help",
+    ),
+    "test_fit_cli.py": ("cli.demo", "cli.single"),
+    "test_fit_several.py": ("cli.browser",),
+    "test_fit_view.py": ("cli.watching",),
+    "test_bench_fit.py": ("cli.bench",),
+    "test_compare.py": ("cli.compare", "eval.report", "eval.report_sheet"),
+    "test_eval_cli.py": ("cli.eval",),
+    "test_viewer_cli.py": ("cli.view", "viewer.web.extra"),
+    "test_viewer_film.py": ("cli.filming",),
+    # Behind `resfit.fit`, `evaluate` and the writers of files.
+    "test_result.py": ("additions", "target.loaded_mesh"),
+    "test_chamfer.py": ("moving",),
+    "test_trade_off.py": ("trade_off",),
+    "test_metrics_prediction.py": ("eval.evaluate",),
+    "test_methods.py": (
+        "eval.methods.coacd",
+        "eval.methods.file",
+        "eval.methods.hulls",
+        "eval.methods.vhacd",
+    ),
+    "test_export_mesh.py": ("export.glb", "export.mesh"),
+    # Readers' inner files: whole files are read, good and damaged ones.
+    "test_formats_gltf.py": (
+        "target.formats.gltf_accessors",
+        "target.formats.gltf_buffers",
+        "target.formats.gltf_meshes",
+        "target.formats.gltf_meshopt",
+        "target.formats.gltf_nodes",
+        "target.formats.gltf_record",
+    ),
+    "test_formats_obj.py": ("target.formats.indexed",),
+    "test_formats_ply.py": ("target.formats.ply_header", "target.formats.ply_records"),
+    "test_formats_threemf.py": ("target.formats.threemf_model",),
+    "test_hostile_files.py": ("target.mesh_path",),
+    # Kernels: their host functions, against twins in NumPy.
+    "test_primitives.py": (
+        "kernels.bend",
+        "kernels.frame",
+        "kernels.primitives.cuboid",
+        "kernels.primitives.cuboid_gradient",
+        "kernels.primitives.superfrustum",
+        "kernels.primitives.superfrustum_gradient",
+        "kernels.primitives.superprimitive",
+        "kernels.primitives.superprimitive_gradient",
+        "kernels.primitives.superquadric",
+        "kernels.primitives.superquadric_gradient",
+    ),
+    "test_blends.py": ("kernels.blends",),
+    "test_selection.py": ("kernels.buffers", "kernels.choice", "kernels.replacement"),
+    "test_steps.py": ("kernels.idle", "kernels.loss_rows"),
+    "test_isosurface.py": ("kernels.contour_cells", "kernels.contour_vertices", "kernels.dual_contour"),
+    "test_mesh_query.py": ("kernels.mesh_sign", "kernels.mesh_winding"),
+    "test_raytrace.py": ("kernels.mesh_scene", "kernels.shading", "kernels.wavefront"),
+    "test_launch.py": ("kernels.prefetch",),
+    "test_bench_kernels.py": ("kernels.peak",),
+    "test_terminal.py": ("kernels.address_space",),
+    # What is drawn: pictures of whole scenes.
+    "test_viewer_scene.py": ("viewer.layers",),
+    "test_viewer_desktop.py": ("viewer.panel",),
+    "test_viewer_web.py": ("viewer.web.layout",),
+    "test_viewer_web_state.py": ("viewer.web.notebook",),
+    # `resfit bench view`: it times what the other tests of the viewer check.
+    "test_viewer_edits.py": ("viewer.bench",),
+}
+"""Test files, and modules that they drive through what uses them, without an import by name."""
+
+
+def imported_by_tests() -> set[str]:
+    """Dotted names, below `resfit`, of all that tests import, and of what might be a module in it."""
+    names = [name for path in python_files("tests") for _, _, name in imports(path)]
+    inner = [name.removeprefix("resfit.") for name in names if name.startswith("resfit.")]
+    return {*inner, *(name.rpartition(".")[0] for name in inner)}
+
+
+def test_every_module_has_a_test() -> None:
+    """One that imports it by name, so that its failure names the culprit, or one that is listed above."""
+    modules = {module_name(path) for path in python_files("src", *FOLDERS) if path.name != "__init__.py"}
+    through = [name for names in TESTED_THROUGH.values() for name in names]
+    assert modules - imported_by_tests() == set(through)
+    assert [name for name in TESTED_THROUGH if not (ROOT / "tests" / name).exists()] == []
+
+
 SLOW_TO_IMPORT = ["warp", "trimesh", "numpy", "scipy", "skimage", "pyvista", "vtk", "pydantic", "PIL"]
 
 
