@@ -41,7 +41,7 @@ def row(turn: Rotation, size: tuple[float, float, float] = (0.3, 0.5, 0.7), **sh
 
 
 def turn(axes: str, *degrees: float) -> Rotation:
-    return Rotation.from_euler(axes, degrees if len(degrees) > 1 else degrees[0], degrees=True)
+    return Rotation.from_euler(axes, np.squeeze(degrees), degrees=True)
 
 
 def snapped(*rows: np.ndarray, judge: Indifferent | None = None) -> Draft:
