@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -q
 # Strict mode lets type checkers see the mapped folders; it links files one by one, so a new file needs a re-install.
 EDITABLE := --config-settings editable_mode=strict
-FILES := find src kernels assembly target decomposition fitter eval export viewer applications -type f \
+FILES := find src kernels assembly target decomposition fitter eval export viewer -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
 .PHONY: help demo test test-all fuzz lint format schema results gallery bench doctor install install-all clean
@@ -35,6 +35,7 @@ fuzz: install
 lint: install
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports --no-cache --no-logo
 	@$(BIN)/pyright
 
 format: install

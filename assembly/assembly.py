@@ -217,7 +217,7 @@ class Assembly:
         """
         from .surface import union_mesh
 
-        return union_mesh(self, resolution, device)
+        return union_mesh(self.primitives, self.transform, resolution, device)
 
     def part_meshes(self, resolution: int = 64, device: str = "auto") -> list[trimesh.Trimesh]:
         """The surface of each primitive alone, in the mesh's own frame; names are in `metadata["name"]`.
@@ -228,7 +228,7 @@ class Assembly:
         """
         from .surface import part_meshes
 
-        return part_meshes(self, resolution, device)
+        return part_meshes(self.primitives, self.transform, resolution, device)
 
 
 def _from_document(document: AssemblyDocument) -> Assembly:

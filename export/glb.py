@@ -148,7 +148,7 @@ def glb_of_union(assembly: Assembly, resolution: int, device: str = "auto") -> b
         device: where the field is evaluated.
     """
     builder = GlbBuilder()
-    vertices, faces = union_surface(assembly, resolution, device)
+    vertices, faces = union_surface(assembly.primitives, resolution, device)
     content = {}
     if len(faces):
         palette = np.array([linear_rgb(primitive.color) for primitive in assembly.primitives])

@@ -14,7 +14,7 @@ from resfit.errors import InputError
 
 from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import rgb
-from ..assembly.surface import check_resolution, part_meshes, union_mesh
+from ..assembly.surface import check_resolution
 from .glb import glb_of_parts, glb_of_union
 
 if TYPE_CHECKING:
@@ -103,12 +103,12 @@ def union_colors(assembly: Assembly, points: npt.NDArray[np.float64], device: st
 
 def _surfaces(assembly: Assembly, merged: bool, resolution: int, device: str) -> list[Surface]:
     if merged:
-        mesh = union_mesh(assembly, resolution, device)
+        mesh = assembly.to_mesh(resolution, device)
         vertices = np.asarray(mesh.vertices)
         colors = union_colors(assembly, vertices, device)
         return [Surface("assembly", vertices, np.asarray(mesh.faces), colors)]
     surfaces = []
-    for primitive, mesh in zip(assembly.primitives, part_meshes(assembly, resolution, device), strict=True):
+    for primitive, mesh in zip(assembly.primitives, assembly.part_meshes(resolution, device), strict=True):
         color = np.round(np.array(rgb(primitive.color)) * 255.0).astype(np.uint8)
         vertices = np.asarray(mesh.vertices)
         colors = np.tile(color, (len(vertices), 1))

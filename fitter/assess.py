@@ -67,7 +67,7 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, device: wp
         device,
     )
     for k in range(1, len(rows)):
-        choices = np.append(np.float32(BLEND_CHOICES), blends[k])
+        choices = np.append(np.array(BLEND_CHOICES, np.float32), blends[k])
         sums = trials.sums_of(k, choices)
         sums += held - sums[-1]
         # The search's objective of sums without overlap.

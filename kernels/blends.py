@@ -192,7 +192,7 @@ class BlendTrials:
             seconds_per_thread=5e-6,
         )
 
-    def sums_of(self, number: int, choices: Sequence[float]) -> np.ndarray:
+    def sums_of(self, number: int, choices: Sequence[float] | np.ndarray) -> np.ndarray:
         """Sums over the union with each choice of the blend of a primitive, those of all others as in `blends`.
 
         Points are left out to which that blend makes no difference. Primitives are asked for in order, none left out.

@@ -6,19 +6,18 @@ Everything here is in the mesh's own frame and unit, float64. Bad input ends in 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from resfit.errors import InputError
 
 from .formats import read_mesh_file
 from .formats.mesh_file import MeshFile, Piece
 from .formats.trimesh_object import from_object
+from .loaded_mesh import LoadedMesh, Part
 from .mesh_path import check_mesh_path
 from .reader import MeshReader
 from .specks import find_specks
@@ -29,35 +28,6 @@ if TYPE_CHECKING:
 
 MEMORY_NAME = "the mesh"
 """What messages call a mesh that came as an object and not as a file."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """One node of a scene, or the whole of a file without nodes."""
-
-    name: str
-    first_face: int
-    face_count: int
-    """Its faces are those from `first_face` to `first_face + face_count` of the loaded mesh."""
-
-
-@dataclass(frozen=True)
-class LoadedMesh:
-    """A triangle mesh as it was found, welded and without faces that say nothing."""
-
-    vertices: npt.NDArray[np.float64]
-    """(n, 3), mesh units; each is used by a face."""
-    faces: npt.NDArray[np.int64]
-    """(m, 3), m > 0, in the order of the input."""
-    source_faces: npt.NDArray[np.int64]
-    """(m,) index of each face among the triangles of the input, before any were dropped."""
-    parts: tuple[Part, ...]
-    sha256: str
-    """Of the file's bytes; of vertices and faces, if the mesh came as an object."""
-    notes: tuple[str, ...]
-    """Sentences about what was changed."""
-    reader: str = ""
-    """What read the file, with its version."""
 
 
 def load_mesh(source: str | PathLike[str] | trimesh.Trimesh | trimesh.Scene) -> LoadedMesh:

@@ -19,7 +19,7 @@ from resfit.children import python_command
 from resfit.errors import InputError, StoppedError
 
 if TYPE_CHECKING:
-    from .load import LoadedMesh
+    from .loaded_mesh import LoadedMesh
 
 CODE = "import gc; gc.disable(); from resfit.target.reading import read_for_parent; read_for_parent()"
 """What the other process does. It ends with the reading: nothing that it loads is garbage."""

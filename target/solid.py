@@ -8,7 +8,7 @@ centred, longest side 1.8) unless a name says otherwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,7 @@ from .bodies import Bodies, sort_bodies
 from .boundary import find_boundary
 from .caps import cap_holes
 from .patches import BOUNDARY, INVERTED, PROBE_OFFSET, SHEET, judge_by_flood, judge_by_winding
-from .solid_query import SolidQuery, WindingQuery
+from .solid_query import Solid, SolidQuery, WindingQuery
 from .weld import face_areas
 from .wording import Findings, name_kind, write_sentence
 
@@ -32,32 +32,6 @@ NARROW = 1.8 * PROBE_OFFSET
 
 MAX_JUDGEMENTS = 4
 """Rounds of judging patches: each verdict changes what winds round the others."""
-
-
-@dataclass(frozen=True)
-class Solid:
-    """A solid: the inside of some faces, and sheets of some thickness.
-
-    A point is inside where `winding_faces` wind round it more than half a time, or nearer to `sheet_faces` than
-    half of `thickness`.
-    """
-
-    kind: str
-    """closed, flipped, reoriented, union, winding (open, holes closed), shell (sheets only) or mixed."""
-    sentence: str
-    """What was found and done, for people; lengths in mesh units."""
-    vertices: np.ndarray
-    """(n, 3) float32, normalised."""
-    winding_faces: np.ndarray
-    """(m, 3) int32, counter-clockwise seen from outside."""
-    boundary_faces: np.ndarray
-    """(k, 3) int32: what of them is on the surface of the solid; distances are to these."""
-    boundary_source: np.ndarray
-    """(k,) int, the winding face that each is, or is a piece of."""
-    sheet_faces: np.ndarray
-    """(s, 3) int32: faces that enclose nothing."""
-    thickness: float
-    """Of the sheets, normalised; 0 if there are none."""
 
 
 def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: wp.Device) -> SolidQuery:

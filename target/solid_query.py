@@ -1,9 +1,8 @@
-"""Exact signed distances to a solid at any points, by queries of its faces."""
+"""A solid, and exact signed distances to it at any points, by queries of its faces."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -12,11 +11,34 @@ from ..kernels.mesh_probe import lies_across_itself, look_at_cells, winding_numb
 from ..kernels.mesh_query import MeshQuery
 from ..kernels.mesh_sign import classify_cells
 
-if TYPE_CHECKING:
-    from .solid import Solid
-
 CELL_RESOLUTION = 128
 """Cells along a side of [-1, 1]^3 whose inside is settled once, so that most points need no winding number."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A solid: the inside of some faces, and sheets of some thickness.
+
+    A point is inside where `winding_faces` wind round it more than half a time, or nearer to `sheet_faces` than
+    half of `thickness`.
+    """
+
+    kind: str
+    """closed, flipped, reoriented, union, winding (open, holes closed), shell (sheets only) or mixed."""
+    sentence: str
+    """What was found and done, for people; lengths in mesh units."""
+    vertices: np.ndarray
+    """(n, 3) float32, normalised."""
+    winding_faces: np.ndarray
+    """(m, 3) int32, counter-clockwise seen from outside."""
+    boundary_faces: np.ndarray
+    """(k, 3) int32: what of them is on the surface of the solid; distances are to these."""
+    boundary_source: np.ndarray
+    """(k,) int, the winding face that each is, or is a piece of."""
+    sheet_faces: np.ndarray
+    """(s, 3) int32: faces that enclose nothing."""
+    thickness: float
+    """Of the sheets, normalised; 0 if there are none."""
 
 
 class WindingQuery:

@@ -12,10 +12,11 @@ import warp as wp
 
 from ..assembly.transform import Transform
 from .grid import distance_grid
-from .load import LoadedMesh, Part, load_mesh
+from .load import load_mesh
+from .loaded_mesh import LoadedMesh, Part
 from .samples import Samples, make_samples
-from .solid import Solid, decide_solid
-from .solid_query import SolidQuery
+from .solid import decide_solid
+from .solid_query import Solid, SolidQuery
 
 if TYPE_CHECKING:
     import trimesh

@@ -23,6 +23,12 @@ from resfit.kernels.rows import BLEND, GATE, ROW, SHAPES, empty_rows
 MIXED = ["superfrustum", "cuboid", "superfrustum", "superprimitive", "superquadric", "superfrustum"]
 
 
+def gradient_of(array: wp.array) -> np.ndarray:
+    """What a tape has left of it."""
+    assert array.grad is not None
+    return array.grad.numpy()
+
+
 def weights_of(blocks, rng):
     weights = np.zeros(blocks.x.shape[0], np.float32)
     weights[: blocks.count] = rng.normal(size=blocks.count)
@@ -36,7 +42,7 @@ def tape_gradient(rows, families, points, weights, device):
     tape = wp.Tape()
     field = differentiable_union(primitives, blocks, tape)
     tape.backward(grads={field: wp.array(weights, dtype=float, device=device)})
-    return field.numpy()[: blocks.count], primitives.rows.grad.numpy().reshape(-1, ROW)
+    return field.numpy()[: blocks.count], gradient_of(primitives.rows).reshape(-1, ROW)
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.1])
@@ -85,7 +91,7 @@ def test_gradients_accumulate_and_chain(device, rng):
     tape = wp.Tape()
     fields = [differentiable_union(primitives, blocks, tape) for _ in range(2)]
     tape.backward(grads={field: wp.array(weights, dtype=float, device=device) for field in fields})
-    np.testing.assert_allclose(primitives.rows.grad.numpy().reshape(-1, ROW), 2 * once, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(gradient_of(primitives.rows).reshape(-1, ROW), 2 * once, rtol=1e-5, atol=1e-5)
 
 
 def test_far_from_any_crease_one_step_descends(device, rng):
@@ -130,7 +136,7 @@ def test_leaving_primitives_out_changes_nothing(blend, device, rng):
     tape = wp.Tape()
     field, _ = differentiable_assembly(primitives, point_blocks(points[order], device), tape)
     tape.backward(grads={field: wp.array(ordered, dtype=float, device=device)})
-    every = primitives.rows.grad.numpy().reshape(-1, ROW)
+    every = gradient_of(primitives.rows).reshape(-1, ROW)
     scale = np.abs(every).max()
     np.testing.assert_allclose(together, every, atol=1e-5 * scale)
     np.testing.assert_allclose(scattered, every, atol=1e-5 * scale)
@@ -239,7 +245,7 @@ def test_gradients_of_single_primitives_and_activation(device, rng):
         values: wp.array(by_block(on_values), dtype=float, device=device),
     }
     tape.backward(grads=grads)
-    found = variable.grad.numpy().reshape(3, ROW)
+    found = gradient_of(variable).reshape(3, ROW)
     for k in range(3):
         for entry in range(ROW):
             step = np.zeros((3, ROW))

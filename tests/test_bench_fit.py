@@ -15,8 +15,9 @@ import warp as wp
 from resfit.cli import main
 from resfit.errors import InputError
 from resfit.eval.bench import growth, workload
-from resfit.eval.bench.fit import FitRow, begins, markdown_page, stage_seconds
+from resfit.eval.bench.fit import markdown_page
 from resfit.eval.bench.fit_kernels import measure_shares, shares_table
+from resfit.eval.bench.fit_runs import FitRow, begins, stage_seconds
 from resfit.eval.bench.growth import FEW, apart_parts, chart, exponent, growth_tables, read_sizes, wavy_torus
 from resfit.eval.bench.scaling import measure_peak, measure_scaling, scaling_table
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 
 import numpy as np
 import pytest
@@ -39,14 +39,7 @@ def test_nothing_left_is_no_region():
 
 
 def test_a_missing_package_is_named(monkeypatch):
-    imported = builtins.__import__
-
-    def refuse(name, *args, **kwargs):
-        if name == "coacd":
-            raise ImportError(name)
-        return imported(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
+    monkeypatch.setitem(sys.modules, "coacd", None)
     with pytest.raises(
         InputError, match=r"coacd.*not installed; call .* -m pip install 'coacd>=.*to get it\.$"
     ):

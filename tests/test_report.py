@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +42,8 @@ def test_what_is_no_report(text: str, tmp_path: Path) -> None:
 def test_what_is_no_file(tmp_path: Path) -> None:
     assert read_report(tmp_path) == {}
     os.mkfifo(tmp_path / "report.json")
-    begin = time.monotonic()
-    assert read_report(tmp_path) == {} and time.monotonic() - begin < 60
+    # Whoever opened a pipe that nobody writes to would wait for ever.
+    assert read_report(tmp_path) == {}
     (tmp_path / "report.json").unlink()
     with (tmp_path / "report.json").open("wb") as stream:
         stream.truncate(MAX_BYTES + 1)

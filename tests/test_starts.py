@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 import warp as wp
@@ -116,14 +114,6 @@ def test_points_without_a_grid_few_points_and_none() -> None:
     assert rows.shape == (0, ROW) and kinds == []
     rows, owner, kinds = all_starts([np.zeros((0, 3)), cube])
     assert set(owner.tolist()) == {1}
-
-
-def test_starts_cost_little() -> None:
-    found = [region_of(mask) for mask, _ in solids(POINTS).values()]
-    all_starts(found)
-    begin = time.process_time()
-    all_starts(found)
-    assert time.process_time() - begin < 0.01 * len(found)
 
 
 def test_quaternions_undo_matrices() -> None:

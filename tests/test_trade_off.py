@@ -7,6 +7,8 @@ import json
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.worth import exclusive_volumes, part_worths
 from resfit.errors import InputError
-from resfit.fitter.trade_off import rising
+from resfit.fitter.judge import Judge
+from resfit.fitter.objective import ObjectiveSamples, Tally
+from resfit.fitter.trade_off import remove_down_to, rising
 from resfit.folder import PARETO
 from resfit.result import FitResult
 from resfit.trade_off import Point
@@ -161,3 +165,21 @@ def test_progress_of_all_stages() -> None:
     fractions = [entry.fraction for entry in seen]
     assert fractions == sorted(fractions) and fractions[-1] <= 1.0
     assert result.snapped and [part.name for part in result.assembly.primitives][:2] == ["body_01", "body_02"]
+
+
+def test_the_least_missed_parts_go_first() -> None:
+    """Of four spans of a line, the first holds the second, the third adds most, and the fourth is outside."""
+    x = np.linspace(-1.0, 1.0, 400)
+    points = np.stack([x, np.zeros(400), np.zeros(400)], axis=1).astype(np.float32)
+    distance = (np.abs(x) - 0.8).astype(np.float32)
+    samples = ObjectiveSamples(points, distance, np.ones(400, np.float32), 200)
+    spans = np.array([(-0.8, -0.2), (-0.6, -0.4), (-0.2, 0.8), (0.8, 0.9)])
+    values = np.maximum(spans[:, :1] - x, x - spans[:, 1:]).astype(np.float32)
+    judge = cast(Judge, SimpleNamespace(tally=Tally(samples), alpha=0.01))
+    assert [remove_down_to(values, judge, count) for count in (4, 3, 2, 1, 0)] == [
+        [0, 1, 2, 3],
+        [0, 1, 2],
+        [0, 2],
+        [2],
+        [],
+    ]

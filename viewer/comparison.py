@@ -16,7 +16,8 @@ from ..assembly.transform import Transform
 from ..eval.metrics import RESOLUTION, intersection_over_union
 from ..kernels.field import evaluate_assembly, evaluate_grid
 from ..kernels.launch import choose_device
-from ..target.load import LoadedMesh, load_mesh
+from ..target.load import load_mesh
+from ..target.loaded_mesh import LoadedMesh
 from ..target.target import Target, make_target
 
 LIVE_STRIDE = 2

@@ -94,7 +94,7 @@ def joined_surface(
     Raises:
         InputError: if a part is too large for a grid.
     """
-    vertices, faces = union_surface(assembly, cells, device)
+    vertices, faces = union_surface(assembly.primitives, cells, device)
     if not len(vertices):
         return JoinedSurface(vertices, faces, np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
     values = evaluate_primitives(assembly.on_device(device), vertices.astype(np.float32))

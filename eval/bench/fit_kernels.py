@@ -12,7 +12,7 @@ from ...fitter.config import preset_config
 from ...fitter.loop import fit_target
 from ...kernels.launch import profiled
 from ...target.target import make_target
-from .kernels import cores
+from .harness import cores
 
 LEAST_SHARE = 0.01
 """Of a fit's time; what takes less is summed up."""

@@ -20,7 +20,7 @@ from ...fitter.sweep_axis import turned_copies
 from ...kernels.adjoint import differentiable_union
 from ...kernels.primitive_set import PrimitiveSet
 from ...kernels.rows import ROW
-from .kernels import Workload, measure, scene_points, scene_rows
+from .harness import Workload, measure, scene_points, scene_rows
 
 POINTS = 200_000
 COUNTS = (2, 4, 8, 16, 32, 64)

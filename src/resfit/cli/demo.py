@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from resfit.cli.fit import run_fit
+from resfit.cli.single import run_fit
 
 MESH = "potted_cactus.glb"
 

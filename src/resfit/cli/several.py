@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from resfit.cli.failures import FAILED, STOPPED, answered, complain
-from resfit.cli.fit import fit_and_write
 from resfit.cli.inputs import check_mesh
 from resfit.cli.progress import ProgressMode
+from resfit.cli.single import fit_and_write
 from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.watching import Watcher
 from resfit.clock import Clock
