@@ -227,7 +227,7 @@ TESTED_THROUGH: dict[str, tuple[str, ...]] = {
     # Behind `resfit.fit`, `evaluate` and the writers of files.
     "test_result.py": ("additions", "target.loaded_mesh"),
     "test_chamfer.py": ("moving",),
-    "test_trade_off.py": ("trade_off",),
+    "test_trade_off.py": (),
     "test_metrics_prediction.py": ("eval.evaluate",),
     "test_methods.py": (
         "eval.methods.coacd",
