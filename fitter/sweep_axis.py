@@ -1,4 +1,4 @@
-"""The sweep axis learned: a primitive is a mixture of three, swept along each of its axes (spec section 11).
+"""A learned sweep axis: each primitive is a mixture of three, one along each axis (superfrustum.md, "Sweep axis").
 
 Their distances are mixed by a Gumbel softmax over three logits a primitive; position, size and all else they share.
 After the early steps the likeliest axis is baked into rotation and size, and the primitive is a plain one again.

@@ -1,7 +1,7 @@
-"""The bend: straightening the arc that a primitive's axis follows (spec section 4, equation 4).
+"""The bend: straightening the arc that a primitive's axis follows (superfrustum.md, "Straightening the arc").
 
-The form of spec 4.2 is regular at bulge 0 and signed; both halves |z| share one case. Behind the arc's centre the
-plain bend jumps (spec 4.4): there the straight extension of the other end counts too, faded in over the seam zone.
+The form used is regular at bulge 0 and signed; both halves |z| share one case. Behind the arc's centre the plain bend
+jumps: there the straight extension of the other end counts too, faded in over the seam zone.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def behind_centre(b: Bend, x: float) -> float:
 
 @wp.func
 def straighten(b: Bend, x: float, z: float):
-    """The straightened point (x', z') of spec 4.2; x' comes out mirrored, which the even profile does not see."""
+    """The straightened point (x', z'); x' comes out mirrored, which the even profile does not see."""
     height = wp.abs(z)
     across = wp.abs(b.curvature) * height
     along = b.cosine - b.curvature * x
@@ -110,7 +110,7 @@ def straighten(b: Bend, x: float, z: float):
 
 @wp.func
 def straighten_other(b: Bend, x: float, z: float):
-    """The point in the other end's straight extension, and the weight in [0, 1] of that end (spec 4.4).
+    """The point in the other end's straight extension, and the weight in [0, 1] of that end.
 
     Returns:
         x', z', weight.

@@ -6,7 +6,7 @@ All operations are one formula. With the sign s of an operation, 1 for the union
 
 where m is the quadratic smooth minimum of radius r, the hard one at r = 0: the difference of a and b is the union of
 what is outside a with b, seen from the other side. It is here for Warp, for NumPy and as GLSL, and nowhere else
-(docs/superfrustum.md, "Union and difference").
+(superfrustum.md, "Union and difference").
 """
 
 from __future__ import annotations

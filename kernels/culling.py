@@ -3,7 +3,7 @@
 Within a block's sphere of radius r about c, primitive k lies in [f_k(c) - reach, f_k(c) + reach]. The smooth union is
 monotone in both arguments, so folding the bounds bounds the union; a primitive that is a blend radius above the union
 so far changes nothing, and one that is a blend radius below it wipes out all that came before. Dropping those leaves
-the very same values (spec section 12).
+the very same values (superfrustum.md, "Lipschitz constant and reach").
 """
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.

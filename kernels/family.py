@@ -25,7 +25,7 @@ class Parameter:
     legal: tuple[float, float]
     """Closed range of what is valid; wider than what is fitted."""
     fit: tuple[float, float]
-    """Open range that the raw-to-valid map covers (spec section 1.1): S is the logistic function."""
+    """Open range that `to_valid` covers (superfrustum.md, "Parameters and ranges")."""
     default: tuple[float, ...]
     slider: tuple[float, float]
     """Range an editor offers."""
@@ -155,7 +155,7 @@ def roundness_parameter() -> Parameter:
 
 
 def onion_parameter() -> Parameter:
-    """The hole of a profile; below 0 it only makes inner distances exact (spec section 6.1)."""
+    """The hole of a profile; below 0 it only makes inner distances exact (superfrustum.md, "Trapezoid and onion")."""
     return Parameter(
         "onion",
         "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",

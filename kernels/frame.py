@@ -74,7 +74,7 @@ def to_world_direction(f: Frame, x: float, y: float, z: float):
 
 @wp.func
 def rotation_from_axis_angle(x: float, y: float, z: float) -> wp.quat:
-    """Unit quaternion exp(w / 2), regular at zero, where w / |w| would give no gradient (spec section 2)."""
+    """Unit quaternion exp(w / 2), regular at zero (superfrustum.md, "Frames and units")."""
     square = x * x + y * y + z * z
     if square < 1.0e-4:
         half = 0.5 - square * (1.0 / 48.0)

@@ -1,8 +1,9 @@
 """Sphere tracing of a smooth union by wavefronts: all live rays take a step together, then finished ones drop out.
 
 A step evaluates the union at one point of each live ray, in blocks of neighbouring rays, so that culling works as on
-any other points. Bent primitives are not 1-Lipschitz (spec section 9) and a superquadric's field is not a distance:
-steps are shortened for them, and a ray that finds itself inside goes back between its last two points.
+any other points. Bent primitives are not 1-Lipschitz (superfrustum.md, "Lipschitz constant and reach") and a
+superquadric's field is not a distance: steps are shortened for them, and a ray that finds itself inside goes back
+between its last two points.
 """
 
 # No postponed annotations here: Warp reads the kernels' own.

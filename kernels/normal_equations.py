@@ -44,8 +44,8 @@ GPU_CHUNK = 32
 """Points whose Jacobian rows a thread holds at a time on a GPU, where its fast memory is small."""
 
 STEEPEST = wp.constant(16.0)
-"""Derivatives to position, height and bulge are clipped to this: at an arc's centre they are unbounded (spec section
-9), and one such point would rule a whole system."""
+"""Derivatives to position, height and bulge are clipped to this: at an arc's centre they are unbounded
+(superfrustum.md, "Derivatives"), and one such point would rule a whole system."""
 
 ADD = "resfit.kernels.normal_equations.add"
 wp.set_module_options(PLAIN_OPTIONS, module=ADD)

@@ -1,4 +1,4 @@
-"""The profile: exact 2D distance to a rounded rectangle, value and gradient together (spec section 5, equation 5)."""
+"""The profile: exact 2D distance to a rounded rectangle, with its gradient (superfrustum.md, "Profile")."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Profile:
 
 
 SIZE_FLOOR = wp.constant(1.0e-6)
-"""Sizes are at least this inside the field: side lengths of zero have no direction (spec section 10)."""
+"""Sizes are at least this inside the field: edges of length zero have no direction."""
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""The trapezoid: exact distance in the half plane of inset u and height z (spec section 6, equation 6).
+"""The trapezoid: exact distance in the half plane of inset u and height z (superfrustum.md, "Trapezoid and onion").
 
 Corners, counter-clockwise: bottom left ((onion - 1) m, -h), bottom right (0, -h), top right ((taper - 1) m, h), top
 left ((onion taper - 1) m, h). With s the coordinate along an edge's outward normal and e the excess beyond the

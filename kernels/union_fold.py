@@ -1,4 +1,4 @@
-"""The union folded over every primitive, and undone from its end, block of points by block (spec section 12).
+"""The fold of the union and its reverse, block of points by block (superfrustum.md, "Union and difference").
 
 What the backward step needs of a block lies together, so that it is in the cache: slot n, at (block * primitive_count
 + n) * BLOCK + point, is that of the n-th primitive listed there, and holds the union's derivative to the union before

@@ -54,7 +54,7 @@ def cone_side(p, bottom, top, height):
 def bent_beam(p, sx, sy, chord, bulge):
     """Exact distance to a beam of rectangular section along an arc, for points in front of the arc's centre.
 
-    Inside, NaN where a cap is nearer than the sides: there the field measures along the squeezed arc (spec section 9).
+    Inside, NaN where a cap is nearer than the sides: there the field measures along the squeezed arc.
     """
     theta = bulge * np.pi / 2
     rho, centre = chord / 2 / np.sin(theta), chord / 2 / np.tan(theta)
@@ -107,7 +107,7 @@ def test_canonical_solids_are_exact(solid, device, rng):
 
 
 def test_vectors_of_the_seam_variant(device):
-    """Values within 5e-6 of the size, derivatives within 1e-3, on the specification's float64 vectors."""
+    """Values within 5e-6 of the size, derivatives within 1e-3, on float64 test vectors."""
     rows = empty_rows(len(VECTORS))
     for row, case in zip(rows, VECTORS, strict=True):
         row[SHAPES : SHAPES + SHAPE] = [
@@ -234,7 +234,7 @@ def test_random_legal_shapes_are_finite(name, batches, device, rng):
 
 
 def test_seam_is_continuous(device, rng):
-    """No jump behind the arc's centre, where the plain bend jumps by up to half a unit (spec 4.4)."""
+    """No jump behind the arc's centre, where the plain bend jumps by up to half a unit."""
     for _ in range(50):
         shape = np.array(
             [*rng.uniform(0.2, 1.0, 3), 0.3, 0.0, rng.uniform(0, 2), rng.uniform(0.2, 1.0), -1.0]

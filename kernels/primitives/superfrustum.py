@@ -1,7 +1,7 @@
 """SuperFrustum: one signed distance for boxes, cylinders, cones, spheres, tori, bent and hollow forms.
 
-Stages (spec section 3): straighten the arc, distance in the profile plane, distance in the (inset, height) half
-plane, dilation. This is the variant without jumps behind the arc's centre (spec 4.4, "seam").
+Stages (docs/superfrustum.md): straighten the arc, distance in the profile plane, distance in the (inset, height) half
+plane, dilation. The field has no jumps (superfrustum.md, "Behind the arc's centre").
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def reach_superfrustum(s: SuperFrustum, x: float, y: float, z: float, radius: fl
     """Bound on the field's change within `radius` of a local point.
 
     Straight: the field is 1-Lipschitz. Bent: |grad| <= max(1, h / (theta r)) at distance r from the arc's centre
-    (spec section 9); the seam adds at most twice that behind it. Unbounded where the ball holds the centre.
+    (superfrustum.md, "Lipschitz constant and reach"); the seam adds at most twice that behind it. Unbounded where the
+    ball holds the centre.
     """
     along = s.bend.cosine - s.bend.curvature * x
     across = s.bend.curvature * z

@@ -1,4 +1,4 @@
-"""SuperFrustum's value and all derivatives, hand-written and free of branches (spec sections 4 to 7).
+"""SuperFrustum's value and all derivatives, hand-written and free of branches (superfrustum.md, "Derivatives").
 
 Derivatives come in the order of the row's shape: size (3), roundness, dilation, taper, bulge, onion. At the arc's
 centre the derivative is unbounded: whoever sums over points clips per point.
