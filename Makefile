@@ -14,7 +14,7 @@ EDITABLE := --config-settings editable_mode=strict
 FILES := find src kernels assembly target decomposition fitter eval export viewer -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
-.PHONY: help demo test test-all fuzz lint format schema results gallery bench doctor install install-all clean
+.PHONY: help demo test test-all fuzz lint format architecture schema results gallery bench doctor install install-all clean
 help:
 	@sed -n 's/^#   //p' Makefile
 
@@ -41,6 +41,10 @@ lint: install
 format: install
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
+
+# The standard library is enough for it.
+architecture: $(BIN)/python
+	@$(BIN)/python docs/draw_architecture.py
 
 schema: install
 	@$(BIN)/python -m resfit.assembly.schema assembly/assembly.schema.json
