@@ -42,8 +42,7 @@ format: install
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
-# The standard library is enough for it.
-architecture: $(BIN)/python
+architecture: install
 	@$(BIN)/python docs/draw_architecture.py
 
 schema: install
