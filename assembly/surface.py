@@ -17,7 +17,7 @@ from .transform import Transform
 if TYPE_CHECKING:
     import trimesh
 
-    from ..kernels.primitive_set import PrimitiveSet
+    from ..kernels.field.primitive_set import PrimitiveSet
 
 MAX_RESOLUTION = 512
 """A grid of twice as many cells a side takes gigabytes."""
@@ -63,7 +63,7 @@ def union_surface(primitives: Sequence[Primitive], resolution: int, device: str 
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     for primitive in primitives:
         check_extent(primitive)
-    from ..kernels.isosurface import extract_isosurface
+    from ..kernels.contour.isosurface import extract_isosurface
 
     rows = np.stack([primitive.row() for primitive in primitives])
     families = [primitive.family for primitive in primitives]
@@ -113,7 +113,7 @@ def part_surface(primitive: Primitive, resolution: int, device: str = "auto") ->
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
-    from ..kernels.part_isosurface import part_isosurface
+    from ..kernels.contour.part_isosurface import part_isosurface
 
     check_resolution(resolution)
     check_extent(primitive)
@@ -125,8 +125,8 @@ def part_surface(primitive: Primitive, resolution: int, device: str = "auto") ->
 
 
 def _on_device(rows: npt.NDArray[np.float32], families: list[str], device: str) -> PrimitiveSet:
-    from ..kernels.launch import choose_device
-    from ..kernels.primitive_set import PrimitiveSet
+    from ..kernels.field.primitive_set import PrimitiveSet
+    from ..kernels.runtime.launch import choose_device
 
     return PrimitiveSet(rows, families, choose_device(device))
 

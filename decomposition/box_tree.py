@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.morphology import components
+from ..kernels.grid.morphology import components
 from .coarse import WorkingGrid
 from .region import Region
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
-from ..kernels.cells import CellSet, cells_of
+from ..kernels.grid.cells import CellSet, cells_of
 from .region import Region, region_from_mask
 from .residual import SMALLEST_VOLUME, Residual
 

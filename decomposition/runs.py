@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.morphology import largest_components
+from ..kernels.grid.morphology import largest_components
 from .coarse import WorkingGrid
 from .region import Region
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.cells import BORDER, CellSet
-from ..kernels.morphology import largest_components
+from ..kernels.grid.cells import BORDER, CellSet
+from ..kernels.grid.morphology import largest_components
 from .coarse import WorkingGrid
 from .region import Region
 

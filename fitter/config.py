@@ -205,7 +205,7 @@ class FitConfig:
     parsimony: float = FROM_PRESET
     """Objective that a primitive must bring (alpha)."""
     snap: bool = False
-    """Make the result regular: symmetry, canonical shapes, equal axes, sizes and centres (`fitter/snap.py`)."""
+    """Make the result regular (`fitter/regularise/`): symmetry, canonical shapes, equal axes, sizes and centres."""
     pareto: bool = False
     """Find the best assembly of every number of parts too."""
     per_part: Literal["auto", "on", "off"] = "auto"

@@ -10,20 +10,20 @@ from itertools import chain
 import numpy as np
 import warp as wp
 
-from ..target.target import Target
+from ..shape.target import Target
 from .config import MOST_PRIMITIVES, FitConfig
-from .judge import Judge
-from .mirror_pairs import mirror_pairs
+from .objective.judge import Judge
 from .outcome import Outcome, Status
-from .per_part import fit_parts, grid_iou, name_primitives
 from .progress import Progress
-from .reduction import Reduction
-from .relations import Relation
-from .snap import snap
-from .standard_form import standard_forms
-from .standing import fit_standing
-from .ties import Copied
-from .trade_off import RICH_SHARE, Cut, cut_down, places_in, reductions, trade_off
+from .regularise.mirror_pairs import mirror_pairs
+from .regularise.relations import Relation
+from .regularise.snap import snap
+from .regularise.standard_form import standard_forms
+from .regularise.ties import Copied
+from .search.per_part import fit_parts, grid_iou, name_primitives
+from .search.reduction import Reduction
+from .search.standing import fit_standing
+from .search.trade_off import RICH_SHARE, Cut, cut_down, places_in, reductions, trade_off
 
 CURVE_BEGINS, SNAP_BEGINS, REDUCTION_BEGINS = 0.25, 0.85, 0.55
 """Shares of the work up to the end of these stages, as progress counts it, that are done when they begin."""

@@ -11,44 +11,24 @@ from collections.abc import Callable
 
 import warp as wp
 
-from . import (
-    blends,
-    cell_list,
-    cells,
-    choice,
-    culling,
-    distance_grid,
-    field_scene,
-    inside,
-    loss_points,
-    loss_rows,
-    march,
-    mesh_grid,
-    mesh_probe,
-    mesh_query,
-    mesh_scene,
-    mesh_sign,
-    morphology,
-    occupancy,
-    ownership,
-    raytrace,
-    replacement,
-    shading,
-    steps,
-    wavefront,
-)
-from .cores import core_count
-from .culling import bound_kernel
-from .field import field_kernels
-from .gradient import gradient_kernel
-from .holders import count_kernel
-from .idle import drop_idle_kernel
-from .inside import mask_kernel
-from .launch import serial_device
-from .module_loading import load_module
-from .normal_equations import add_systems_kernel, kernel_on
-from .ownership import find_owners_kernel
-from .primitive_set import derive_kernel
+from .field import culling
+from .field.culling import bound_kernel
+from .field.field import field_kernels
+from .field.gradient import gradient_kernel
+from .field.holders import count_kernel
+from .field.primitive_set import derive_kernel
+from .grid import cell_list, cells, distance_grid, morphology
+from .mesh import mesh_grid, mesh_probe, mesh_query, mesh_sign
+from .refine import loss_points, loss_rows, ownership, steps
+from .refine.idle import drop_idle_kernel
+from .refine.normal_equations import add_systems_kernel, kernel_on
+from .refine.ownership import find_owners_kernel
+from .render import field_scene, march, mesh_scene, raytrace, shading, wavefront
+from .runtime.cores import core_count
+from .runtime.launch import serial_device
+from .runtime.module_loading import load_module
+from .select import blends, choice, inside, occupancy, replacement
+from .select.inside import mask_kernel
 
 Loads = list[tuple[Callable[[], wp.Module], wp.Device]]
 

@@ -7,39 +7,39 @@ import time
 import numpy as np
 import warp as wp
 
-from .adjoint import differentiable_union
-from .blends import BlendTrials
-from .camera import frame_bounds
-from .cells import cells_of, squared_distances
-from .choice import AdditionSums, Counts
-from .culling import bound_blocks, cull
-from .distance_grid import signed_distance_transform
-from .field import primitives_at, union_at
-from .gradient import union_gradient_at
-from .holders import count_holders
-from .idle import drop_idle
-from .inside import InsideTest
-from .isosurface import extract_isosurface
-from .jacobian import jacobian
-from .launch import serial_device
-from .loss_points import contributions, drop_blocks, loss_points, weigh_points
-from .loss_rows import RowSorter
-from .mesh_grid import signed_distance_grid
-from .mesh_query import MeshQuery
-from .mesh_rows import measure_band
-from .morphology import deepest_core
-from .normal_equations import normal_equations
-from .occupancy import Holdings
-from .owned_points import owned_points
-from .ownership import find_owners, list_candidates, ownership_arrays
-from .points import point_blocks
-from .primitive_set import PrimitiveSet
+from .contour.isosurface import extract_isosurface
+from .field.adjoint import differentiable_union
+from .field.culling import bound_blocks, cull
+from .field.field import primitives_at, union_at
+from .field.gradient import union_gradient_at
+from .field.holders import count_holders
+from .field.jacobian import jacobian
+from .field.points import point_blocks
+from .field.primitive_set import PrimitiveSet
+from .grid.cells import cells_of, squared_distances
+from .grid.distance_grid import signed_distance_transform
+from .grid.morphology import deepest_core
+from .mesh.mesh_grid import signed_distance_grid
+from .mesh.mesh_query import MeshQuery
+from .mesh.mesh_rows import measure_band
+from .mesh.solid_angles import summed_winding_numbers
 from .primitives import FAMILIES
-from .raytrace import render_assembly, render_mesh
-from .replacement import Prices, replace_members
+from .refine.idle import drop_idle
+from .refine.loss_points import contributions, drop_blocks, loss_points, weigh_points
+from .refine.loss_rows import RowSorter
+from .refine.normal_equations import normal_equations
+from .refine.owned_points import owned_points
+from .refine.ownership import find_owners, list_candidates, ownership_arrays
+from .refine.steps import Damping, advance, judge_alone, judge_together, step_state
+from .render.camera import frame_bounds
+from .render.raytrace import render_assembly, render_mesh
 from .rows import SHAPE, SHAPES, empty_rows
-from .solid_angles import summed_winding_numbers
-from .steps import Damping, advance, judge_alone, judge_together, step_state
+from .runtime.launch import serial_device
+from .select.blends import BlendTrials
+from .select.choice import AdditionSums, Counts
+from .select.inside import InsideTest
+from .select.occupancy import Holdings
+from .select.replacement import Prices, replace_members
 
 
 def warm_kernels(device: wp.Device) -> float:

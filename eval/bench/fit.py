@@ -13,10 +13,10 @@ from pathlib import Path
 
 from resfit.children import python_command
 
-from .. import compare
-from ..child import ChildRun, run_measured
-from ..datasets import Shape, find_shapes
-from ..results import find_meshes
+from ..batch import compare
+from ..batch.child import ChildRun, run_measured
+from ..batch.datasets import Shape, find_shapes
+from ..report.results import find_meshes
 from .fit_runs import STAGES, FitRow, measure_fit
 from .growth import chart, growth_tables, measure_growth
 from .harness import cores, cpu_model

@@ -16,7 +16,7 @@ from typing import Any
 
 from resfit.children import python_command
 
-from ..child import run_measured
+from ..batch.child import run_measured
 
 STAGES = {
     "start": "the interpreter, imports, start of Warp",

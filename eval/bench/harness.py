@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ...kernels import launch as launching
-from ...kernels.curve import curve_codes
-from ...kernels.points import PointBlocks, point_blocks
+from ...kernels.field.curve import curve_codes
+from ...kernels.field.points import PointBlocks, point_blocks
 from ...kernels.primitives import FAMILIES
 from ...kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
+from ...kernels.runtime import launch as launching
 
 PRIMITIVES, POINTS = 24, 20_480
 """The scene of the per-evaluation rows."""

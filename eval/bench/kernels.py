@@ -15,20 +15,20 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from ...kernels import launch as launching
-from ...kernels import module_loading
-from ...kernels.adjoint import differentiable_assembly, differentiable_union
-from ...kernels.culling import cull, every_primitive
-from ...kernels.distance_grid import signed_distance_transform
-from ...kernels.field import cell_centres, primitives_at, union_at
-from ...kernels.gradient import union_gradient_at
-from ...kernels.mesh_grid import signed_distance_grid
-from ...kernels.mesh_query import MeshQuery
-from ...kernels.normal_equations import SYSTEM, normal_equations_at
-from ...kernels.owned_points import owned_points
-from ...kernels.points import grid_blocks
-from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.field.adjoint import differentiable_assembly, differentiable_union
+from ...kernels.field.culling import cull, every_primitive
+from ...kernels.field.field import cell_centres, primitives_at, union_at
+from ...kernels.field.gradient import union_gradient_at
+from ...kernels.field.points import grid_blocks
+from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.grid.distance_grid import signed_distance_transform
+from ...kernels.mesh.mesh_grid import signed_distance_grid
+from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.primitives import FAMILIES
+from ...kernels.refine.normal_equations import SYSTEM, normal_equations_at
+from ...kernels.refine.owned_points import owned_points
+from ...kernels.runtime import launch as launching
+from ...kernels.runtime import module_loading
 from .fit_kernels import measure_shares, shares_table
 from .harness import POINTS, PRIMITIVES, Row, Workload, cpu_model, measure, scene_points, scene_rows
 from .scaling import measure_peak, measure_scaling, scaling_table

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...kernels.culling import cull
-from ...kernels.field import primitives_at, union_at
-from ...kernels.peak import OPERATIONS, multiply_add
-from ...kernels.points import PointBlocks
-from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.field.culling import cull
+from ...kernels.field.field import primitives_at, union_at
+from ...kernels.field.peak import OPERATIONS, multiply_add
+from ...kernels.field.points import PointBlocks
+from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, SHAPES
 from .harness import Workload, measure, scene_points, scene_rows
 

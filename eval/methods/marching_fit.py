@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...fitter.levenberg import levenberg
-from ...kernels.field import evaluate_primitives
-from ...kernels.owned_points import owned_points, shared_points
-from ...kernels.primitive_set import PrimitiveSet
+from ...fitter.refine.levenberg import levenberg
+from ...kernels.field.field import evaluate_primitives
+from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.refine.owned_points import owned_points, shared_points
 from .marching_regions import LevelRegion, region_candidates
 
 FAMILY = "superquadric"

@@ -35,8 +35,8 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
     from ...fitter.stages import fit_stages
-    from ...kernels.launch import choose_device
-    from ...target.target import make_target
+    from ...kernels.runtime.launch import choose_device
+    from ...shape.target import make_target
 
     config = configuration(options)
     device = choose_device(config.device)

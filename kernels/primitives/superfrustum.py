@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..bend import Bend, behind_centre, derive_bend, straighten, straighten_other
-from ..family import (
+from ..rows import SHAPES_C
+from ..vector_math import larger, smaller
+from .family import (
     Family,
     Parameter,
     dilation_parameter,
@@ -17,10 +18,9 @@ from ..family import (
     roundness_parameter,
     size_parameter,
 )
-from ..profile import Profile, derive_profile, sdf_profile
-from ..rows import SHAPES_C
-from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
-from ..vector_math import larger, smaller
+from .stages.bend import Bend, behind_centre, derive_bend, straighten, straighten_other
+from .stages.profile import Profile, derive_profile, sdf_profile
+from .stages.trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
 
 
 @wp.struct

@@ -26,7 +26,7 @@ def demo(
         preset: how much work to spend.
         device: auto (the CPU), cpu or cuda:0.
     """
-    from resfit.folder import default_folder
+    from resfit.result.folder import default_folder
 
     with as_file(files("resfit.data") / MESH) as mesh:
         return run_fit(

@@ -11,7 +11,7 @@ from resfit.cli.progress import ProgressMode
 from resfit.cli.several import fit_each
 from resfit.cli.single import run_fit
 from resfit.errors import InputError
-from resfit.folder import default_folder
+from resfit.result.folder import default_folder
 
 MORE = Group("More options", show=False)
 """Shown by --help-all only."""

@@ -14,12 +14,12 @@ from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.terminal import printable, summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
-from resfit.folder import OURS, PARETO, check_folder, holds_fit
-from resfit.target.reader import reading
+from resfit.result.folder import OURS, PARETO, check_folder, holds_fit
+from resfit.shape.reader import reading
 
 if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
-    from resfit.result import FitResult
+    from resfit.result.result import FitResult
 
 
 def run_fit(
