@@ -33,7 +33,7 @@ from .transform import Transform
 if TYPE_CHECKING:
     import trimesh
 
-    from ..kernels.field.field import PrimitiveSet
+    from ..kernels.field.evaluate import PrimitiveSet
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Assembly:
         Raises:
             DeviceError: if there is no such device.
         """
-        from ..kernels.field.field import PrimitiveSet
+        from ..kernels.field.evaluate import PrimitiveSet
         from ..kernels.runtime.launch import choose_device
 
         chosen = choose_device(device)
@@ -182,7 +182,7 @@ class Assembly:
             InputError: if the points are not (n, 3) numbers.
             DeviceError: if there is no such device.
         """
-        from ..kernels.field.field import evaluate_assembly
+        from ..kernels.field.evaluate import evaluate_assembly
 
         local, beyond = self.transform.to_field(points)
         distance = evaluate_assembly(self.on_device(device), local)
@@ -202,7 +202,7 @@ class Assembly:
             InputError: if the points are not (n, 3) numbers.
             DeviceError: if there is no such device.
         """
-        from ..kernels.field.field import evaluate_primitives
+        from ..kernels.field.evaluate import evaluate_primitives
 
         local, beyond = self.transform.to_field(points)
         distance = evaluate_primitives(self.on_device(device), local)

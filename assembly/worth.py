@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..kernels.contour.isosurface import tight_bounds
-from ..kernels.field.field import evaluate_primitives
+from ..kernels.field.evaluate import evaluate_primitives
 from .assembly import Assembly
 from .plain_json import number_at, text_at
 from .report import read_report

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.grid.morphology import components
-from .coarse import WorkingGrid
+from .coarse_grid import WorkingGrid
 from .region import Region
 
 LEAST_GAIN = 0.06

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.grid.cells import CellSet, cells_of
+from ..kernels.grid.sparse_cells import CellSet, cells_of
 from .region import true_box
 
 

@@ -8,11 +8,11 @@ from typing import Any
 from resfit.clock import timed
 
 from ..fitter.config import FitConfig
+from ..fitter.pipeline import Fitted
 from ..fitter.regularise.relations import sum_up
-from ..fitter.stages import Fitted
 from ..shape.target import Target
-from .result import FitResult
-from .trade_off import measure_curve
+from .fit_result import FitResult
+from .pareto import measure_curve
 
 
 def add_stages(result: FitResult, fitted: Fitted, target: Target, config: FitConfig) -> FitResult:

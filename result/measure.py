@@ -16,12 +16,12 @@ from ..assembly.colors import palette_color
 from ..assembly.history import History, HistoryRound, score_values
 from ..assembly.provenance import Provenance
 from ..assembly.transform import Transform
-from ..eval.metrics.metrics import measure_cheap, measure_deviation
+from ..eval.metrics.assembly_metrics import measure_cheap, measure_deviation
 from ..fitter.config import FitConfig, preset_config
-from ..fitter.objective.assess import score_values as score_rows
-from ..fitter.objective.assess import values_at
 from ..fitter.objective.objective import Score, Tally
 from ..fitter.objective.samples import objective_samples
+from ..fitter.objective.scoring import score_values as score_rows
+from ..fitter.objective.scoring import values_at
 from ..fitter.outcome import Outcome
 from ..kernels.field.combine import FAR, fold
 from ..kernels.field.points import point_blocks
@@ -29,7 +29,7 @@ from ..kernels.primitives import family
 from ..kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
 from ..kernels.runtime import launch
 from ..shape.target import Target
-from .result import FitResult, describe_input
+from .fit_result import FitResult, describe_input
 
 UNRECORDED = ("device", "timeout", "seed", "preset")
 """Options that stay out of an assembly's provenance, because it is the same without them, or has them elsewhere."""

@@ -18,8 +18,8 @@ from ..fitter.progress import Progress
 from ..fitter.refine.chamfer import move_assembly
 from ..kernels.runtime import launch, module_loading
 from ..shape.target import Target
+from .fit_result import FitResult
 from .measure import measure_outcome
-from .result import FitResult
 
 
 def move_parts(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..kernels.mesh.mesh_probe import winding_numbers
+from ..kernels.mesh.inside_points import winding_numbers
 from ..kernels.mesh.mesh_query import MeshQuery
 from .topology import Edges, find_edges, find_turned, is_balanced, label_patches, open_patches, opposite_twin
 from .weld import face_areas

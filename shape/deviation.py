@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.contour.isosurface import extract_isosurface
-from ..kernels.field.field import evaluate_assembly
+from ..kernels.field.evaluate import evaluate_assembly
 from ..kernels.field.primitive_set import PrimitiveSet
 from .target import Target
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.mesh.inside_grid import classify_cells
 from ..kernels.mesh.mesh_grid import unsigned_distance_grid
-from ..kernels.mesh.mesh_sign import classify_cells
 from .solid_query import CELL_RESOLUTION, SolidQuery
 
 

@@ -14,12 +14,12 @@ import numpy as np
 
 from resfit.errors import InputError
 
+from .background_load import MeshReader
 from .formats import read_mesh_file
 from .formats.mesh_file import MeshFile, Piece
 from .formats.trimesh_object import from_object
 from .loaded_mesh import LoadedMesh, Part
 from .mesh_path import check_mesh_path
-from .reader import MeshReader
 from .specks import find_specks
 from .weld import LEAST_WIDTH, clean_faces, has_area, weld_vertices
 

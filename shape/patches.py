@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..kernels.mesh.inside_points import winding_numbers
 from ..kernels.mesh.mesh_grid import unsigned_distance_grid
-from ..kernels.mesh.mesh_probe import winding_numbers
 from ..kernels.mesh.mesh_query import MeshQuery
 from .weld import face_areas
 

@@ -14,12 +14,12 @@ import numpy as np
 import warp as wp
 
 from .bodies import Bodies, sort_bodies
-from .boundary import find_boundary
-from .caps import cap_holes
+from .hole_filling import cap_holes
+from .outer_surface import find_boundary
 from .patches import BOUNDARY, INVERTED, PROBE_OFFSET, SHEET, judge_by_flood, judge_by_winding
 from .solid_query import Solid, SolidQuery, WindingQuery
+from .summary import Findings, name_kind, write_sentence
 from .weld import face_areas
-from .wording import Findings, name_kind, write_sentence
 
 SHEET_THICKNESS = 0.018
 """Thickness given to sheets: 1 % of the longest side, a little more than a cell of a 128^3 grid."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..kernels.mesh.mesh_probe import lies_across_itself, look_at_cells, winding_numbers
+from ..kernels.mesh.inside_grid import classify_cells
+from ..kernels.mesh.inside_points import lies_across_itself, look_at_cells, winding_numbers
 from ..kernels.mesh.mesh_query import MeshQuery
-from ..kernels.mesh.mesh_sign import classify_cells
 
 CELL_RESOLUTION = 128
 """Cells along a side of [-1, 1]^3 whose inside is settled once, so that most points need no winding number."""

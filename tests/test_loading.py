@@ -10,7 +10,14 @@ import pytest
 
 from resfit import loading
 
-LATER = ["trimesh", "scipy", "pydantic", "networkx", "resfit.fitter.search.loop", "resfit.result.result"]
+LATER = [
+    "trimesh",
+    "scipy",
+    "pydantic",
+    "networkx",
+    "resfit.fitter.search.multi_start",
+    "resfit.result.fit_result",
+]
 """What the kernels and the mesh's reading do not wait for."""
 
 

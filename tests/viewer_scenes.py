@@ -13,7 +13,7 @@ from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
 from resfit.kernels.primitives import FAMILIES
 from resfit.viewer.model.parameters import with_value
-from resfit.viewer.scene.probe import probe_rendering
+from resfit.viewer.scene.opengl_check import probe_rendering
 
 
 @cache

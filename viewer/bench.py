@@ -15,12 +15,12 @@ from ..assembly.colors import palette_color
 from ..assembly.primitive import Pose, Primitive
 from ..kernels.runtime.cores import core_count
 from .model.documents import Document
-from .model.edits import EditSession
+from .model.edit_session import EditSession
 from .model.poses import to_quaternion, to_vector
 from .scene.controller import Controller
-from .scene.probe import probe_rendering, require
+from .scene.opengl_check import probe_rendering, require
+from .scene.plotter import make_plotter, smooth
 from .scene.scene import Scene
-from .scene.stage import make_plotter, smooth
 from .web.picture import Picture
 from .web.state import page_state
 

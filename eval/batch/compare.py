@@ -31,8 +31,8 @@ USAGE = 2
 """Exit code of a method that cannot work here (a package is missing) or refuses its input: worth another try."""
 
 WARM = (
-    "from resfit.kernels.runtime.launch import choose_device; from resfit.kernels.warm import warm_kernels;"
-    " import sys; sys.stdout.write(str(warm_kernels(choose_device(sys.argv[1]))))"
+    "from resfit.kernels.runtime.launch import choose_device; from resfit.kernels.precompile import precompile_kernels;"
+    " import sys; sys.stdout.write(str(precompile_kernels(choose_device(sys.argv[1]))))"
 )
 
 

@@ -20,7 +20,7 @@ from resfit.errors import InputError
 from ...assembly.transform import Transform
 from ...shape.formats import MESH_SUFFIXES
 from ...shape.load import load_mesh
-from ..metrics.metrics_surface import chamfer, draw_surface
+from ..metrics.surface_metrics import chamfer, draw_surface
 
 LISTS = (".txt", ".lst", ".list")
 

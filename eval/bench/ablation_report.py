@@ -10,7 +10,7 @@ from typing import Any
 
 from ...assembly.atomic_write import write_bytes
 from ..batch.compare import ROWS
-from ..report.report_tables import (
+from ..report.tables import (
     BISURF,
     COST,
     COUNT,

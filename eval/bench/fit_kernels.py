@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 import warp as wp
 
 from ...fitter.config import preset_config
-from ...fitter.search.loop import fit_target
+from ...fitter.search.multi_start import fit_target
 from ...kernels.runtime.launch import profiled
 from ...shape.target import make_target
 from .harness import cores

@@ -19,7 +19,7 @@ import trimesh
 from resfit.errors import InputError
 
 from ...assembly.colors import PALETTE, palette_color
-from ..report.report_plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
+from ..report.plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
 from .fit_runs import STAGES, TARGET, FitRow, measure_fit
 
 FEW: dict[str, tuple[int, ...]] = {

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ...kernels.field.curve import curve_codes
+from ...kernels.field.hilbert import curve_codes
 from ...kernels.field.points import PointBlocks, point_blocks
 from ...kernels.primitives import FAMILIES
 from ...kernels.rows import BLEND, ROTATION, SHAPES, empty_rows

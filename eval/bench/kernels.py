@@ -17,7 +17,7 @@ import warp as wp
 
 from ...kernels.field.adjoint import differentiable_assembly, differentiable_union
 from ...kernels.field.culling import cull, every_primitive
-from ...kernels.field.field import cell_centres, primitives_at, union_at
+from ...kernels.field.evaluate import cell_centres, primitives_at, union_at
 from ...kernels.field.gradient import union_gradient_at
 from ...kernels.field.points import grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
@@ -26,7 +26,7 @@ from ...kernels.mesh.mesh_grid import signed_distance_grid
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.primitives import FAMILIES
 from ...kernels.refine.normal_equations import SYSTEM, normal_equations_at
-from ...kernels.refine.owned_points import owned_points
+from ...kernels.refine.point_batches import point_batches
 from ...kernels.runtime import launch as launching
 from ...kernels.runtime import module_loading
 from .fit_kernels import measure_shares, shares_table
@@ -114,7 +114,7 @@ def normal_equations_workload(device: wp.Device) -> Workload:
     primitives = PrimitiveSet(
         scene_rows("superfrustum", primitive_count), ["superfrustum"] * primitive_count, device
     )
-    owned = owned_points(
+    owned = point_batches(
         rng.uniform(-1, 1, (count, 3)),
         rng.integers(0, primitive_count, count),
         primitive_count,

@@ -15,8 +15,8 @@ import warp as wp
 
 from ...decomposition.region import Region
 from ...fitter.config import ProposeConfig
-from ...fitter.propose.propose import fit_regions
-from ...kernels.field.field import cell_centres, union_at
+from ...fitter.propose.candidates import fit_regions
+from ...kernels.field.evaluate import cell_centres, union_at
 from ...kernels.field.points import from_grid_blocks, grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROTATION, SHAPES, empty_rows

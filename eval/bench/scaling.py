@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 
 from ...kernels.field.culling import cull
-from ...kernels.field.field import primitives_at, union_at
-from ...kernels.field.peak import OPERATIONS, multiply_add
+from ...kernels.field.evaluate import primitives_at, union_at
+from ...kernels.field.peak_flops import OPERATIONS, multiply_add
 from ...kernels.field.points import PointBlocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, SHAPES

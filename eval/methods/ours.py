@@ -34,7 +34,7 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.assembly import Assembly
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
-    from ...fitter.stages import fit_stages
+    from ...fitter.pipeline import fit_stages
     from ...kernels.runtime.launch import choose_device
     from ...shape.target import make_target
 

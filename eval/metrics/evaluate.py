@@ -10,10 +10,12 @@ import numpy as np
 
 from ...kernels.runtime.launch import choose_device
 from ...shape.target import Target, make_target
+from .assembly_metrics import RESOLUTION, intersection_over_union, target_occupancy
 from .features import POINT_COUNT, make_features
-from .metrics import RESOLUTION, intersection_over_union, target_occupancy
-from .metrics_semantic import measure_semantics
-from .metrics_surface import (
+from .prediction import Prediction, mesh_distance
+from .prediction_files import place, read_prediction
+from .semantic_metrics import measure_semantics
+from .surface_metrics import (
     NEAR_POINTS,
     PAIRED_POINTS,
     SIGMAS,
@@ -23,8 +25,6 @@ from .metrics_surface import (
     earth_movers,
     surface_distance,
 )
-from .prediction import Prediction, mesh_distance
-from .prediction_files import place, read_prediction
 
 Align = Literal["none", "bbox"]
 

@@ -15,14 +15,14 @@ from ...assembly.assembly import Assembly
 from ...assembly.transform import Transform
 from ...kernels.contour.isosurface import extract_isosurface
 from ...kernels.field.bounds import assembly_bounds
-from ...kernels.field.field import evaluate_assembly, evaluate_primitives
+from ...kernels.field.evaluate import evaluate_assembly, evaluate_primitives
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.primitives import FAMILIES
 from ...kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from ...kernels.runtime.launch import choose_device
-from .metrics import RESOLUTION, Occupancy, count_floats, measure_occupancy
-from .metrics_surface import draw_surface
+from .assembly_metrics import RESOLUTION, Occupancy, count_floats, measure_occupancy
+from .surface_metrics import draw_surface
 
 SAME_FRAME = 1e-9
 """Transforms that differ by less than this share of the size are the same: files are rounded."""

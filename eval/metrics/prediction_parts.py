@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...kernels.mesh.mesh_probe import winding_numbers
+from ...kernels.mesh.inside_grid import classify_cells
+from ...kernels.mesh.inside_points import winding_numbers
 from ...kernels.mesh.mesh_query import MeshQuery
-from ...kernels.mesh.mesh_sign import classify_cells
 from ...kernels.runtime.launch import choose_device
 from ...shape.topology import find_edges, is_balanced
-from .metrics import RESOLUTION, Occupancy
-from .metrics_surface import draw_faces
+from .assembly_metrics import RESOLUTION, Occupancy
 from .prediction import mesh_distance
+from .surface_metrics import draw_faces
 
 OUTWARDS = 1e-3
 """Normalised units: a point of a part's surface is on that of the whole if this far outside is in no other part."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ...decomposition.frames import (
+from ...decomposition.oriented_boxes import (
     Arcs,
     Placements,
     find_arcs,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...decomposition.region import Region
-from ...kernels.grid.cells import coordinates
+from ...kernels.grid.sparse_cells import coordinates
 
 INSIDE_SHARE, OUTSIDE_SHARE = 0.45, 0.4
 """Shares of a region's points that lie in it and outside the solid; the rest lies in other parts of the solid."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...kernels.field.activation import RAW_DROP, RAW_KEEP
 from ...kernels.field.adjoint import by_block, by_primitive, differentiable_assembly
 from ...kernels.field.gradient import evaluate_gradient
 from ...kernels.field.points import PointBlocks, point_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.field.raw_parameters import RAW_DROP, RAW_KEEP
 from ...kernels.rows import GATE, ROW
 from ..config import AdamConfig
 from ..objective.objective import ObjectiveSamples

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...kernels.field.combine import combined, combined_share
 from ..config import AdamConfig
-from .refine import MASK
+from .joint import MASK
 
 
 def loss_gradients(

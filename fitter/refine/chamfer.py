@@ -17,19 +17,19 @@ import warp as wp
 from scipy.spatial import KDTree
 
 from ...kernels.contour.isosurface import extract_isosurface
-from ...kernels.field.activation import RAW_BLEND, RAW_DROP, RAW_KEEP
 from ...kernels.field.adjoint import differentiable_union
-from ...kernels.field.field import cell_centres, evaluate_grid
+from ...kernels.field.evaluate import cell_centres, evaluate_grid
 from ...kernels.field.gradient import evaluate_gradient
 from ...kernels.field.points import point_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.field.raw_parameters import RAW_BLEND, RAW_DROP, RAW_KEEP
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.rows import BLEND, GATE
 from ...shape.deviation import sample_surface
 from ...shape.target import Target
-from ..objective.assess import score_values, values_at
 from ..objective.objective import Tally
 from ..objective.samples import objective_samples
+from ..objective.scoring import score_values, values_at
 from ..outcome import Outcome, Status
 from .first_order import SMALLEST_BLEND, Moments, Unbounded
 

@@ -8,8 +8,8 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from ...kernels.field.activation import RAW_BLEND, RAW_DROP, RAW_KEEP, RAW_SHAPE, RAW_TURN, activate_rows
 from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.field.raw_parameters import RAW_BLEND, RAW_DROP, RAW_KEEP, RAW_SHAPE, RAW_TURN, activate_rows
 from ...kernels.primitives import family
 from ...kernels.rows import BLEND, ROTATION, ROW, SHAPE, SHAPES
 

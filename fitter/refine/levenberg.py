@@ -14,11 +14,11 @@ import warp as wp
 
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.primitives import family
+from ...kernels.refine.levenberg_step import Damping, advance, judge_alone, rows_of, step_state
 from ...kernels.refine.normal_equations import normal_equations_at, partial_systems
-from ...kernels.refine.owned_points import OwnedPoints
-from ...kernels.refine.steps import Damping, advance, judge_alone, rows_of, step_state
+from ...kernels.refine.point_batches import PointBatches
 from ...kernels.rows import SHAPE, SHAPES
-from ...kernels.runtime.replay import Replay
+from ...kernels.runtime.launch_graph import LaunchGraph
 
 OWN_DAMPING = Damping(better=0.3, worse=5.0, least=1e-6)
 
@@ -44,7 +44,7 @@ def fit_ranges(families: Sequence[str]) -> Ranges:
 def levenberg(
     rows: np.ndarray,
     families: Sequence[str],
-    points: OwnedPoints,
+    points: PointBatches,
     betas: np.ndarray,
     iterations: int,
     device: wp.Device,
@@ -79,7 +79,7 @@ def levenberg(
 
     # The first time round the trial is the start itself; it loads the kernels, so that a GPU may capture the others.
     step()
-    run = Replay(step, device)
+    run = LaunchGraph(step, device)
     for _ in range(iterations):
         run()
     return rows_of(state), state.loss.numpy().copy()

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...kernels.primitives import family
 from ...kernels.rows import SHAPES, TRANSLATION
-from .placement import matrix_of
+from .rigid_motion import matrix_of
 
 NEAR_BULGE = 0.06
 """A quarter of a turn is 1: an arc of 5 degrees is nearly straight."""

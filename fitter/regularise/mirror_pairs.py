@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shape.target import Target
-from ..objective.judge import Judge
+from ..objective.cached import CachedObjective
+from .constraints import Constraints, Copied
 from .symmetric_layout import lay_out, motions_of
 from .symmetry import find_planes
-from .ties import Copied, Ties
 
 MOST_FALL = 2e-4
 """Most that the objective may fall for one pair or one part: a thirteenth of a part's price."""
@@ -35,27 +35,31 @@ class MirrorPairs:
 
 
 def mirror_pairs(
-    rows: np.ndarray, target: Target, judge: Judge, copies: Sequence[Copied] = ()
+    rows: np.ndarray, target: Target, cached_objective: CachedObjective, copies: Sequence[Copied] = ()
 ) -> MirrorPairs:
     """Rows whose parts are mirrored across the target's plane of symmetry, as far as that costs nothing.
 
     Args:
         rows: (primitive_count, ROW).
         target: what they were fitted to; where it has several planes, the most exact one counts.
-        judge: of the target.
+        cached_objective: of the target.
         copies: primitives that follow from others; they stay so.
     """
     planes = find_planes(target) if len(rows) > 1 else []
     if not planes:
         return MirrorPairs(rows, tuple(copies))
     fixed = {index for copy in copies for index in (copy.source, copy.index)}
-    found = lay_out(rows, motions_of(planes[:1]), judge, fixed).ties
-    families, objective, ties = judge.families(rows), judge.objective(rows), Ties(tuple(copies))
+    found = lay_out(rows, motions_of(planes[:1]), cached_objective, fixed).constraints
+    families, objective, constraints = (
+        cached_objective.families(rows),
+        cached_objective.objective(rows),
+        Constraints(tuple(copies)),
+    )
     floor = objective - WHOLE_FALL
-    trials = [Ties(ties.copies, {index: motions}) for index, motions in found.astride.items()]
+    trials = [Constraints(constraints.copies, {index: motions}) for index, motions in found.astride.items()]
     for trial in trials:
         changed = trial.complete(rows, families)
-        score = judge.objective(changed)
+        score = cached_objective.objective(changed)
         if score >= max(floor, objective - MOST_FALL):
             rows, objective = changed, score
     for copy in found.copies:
@@ -63,9 +67,9 @@ def mirror_pairs(
         inverse = Copied(copy.index, copy.source, copy.turn.T, -copy.turn.T @ copy.shift)
         options = []
         for one in (copy, inverse):
-            changed = Ties((*ties.copies, one)).complete(rows, families)
-            options.append((judge.objective(changed), changed, one))
+            changed = Constraints((*constraints.copies, one)).complete(rows, families)
+            options.append((cached_objective.objective(changed), changed, one))
         score, changed, one = max(options, key=lambda option: option[0])
         if score >= max(floor, objective - MOST_FALL):
-            rows, objective, ties = changed, score, Ties((*ties.copies, one))
-    return MirrorPairs(rows, ties.copies)
+            rows, objective, constraints = changed, score, Constraints((*constraints.copies, one))
+    return MirrorPairs(rows, constraints.copies)

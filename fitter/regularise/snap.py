@@ -1,8 +1,8 @@
 """Regularity that editors want, as far as the objective allows: symmetry, canonical shapes, axes, sizes, centres.
 
 The target says what is symmetric; the rest follows from the parts. Each relation is tried, and kept if the objective
-falls by no more than `draft.FALLS`; all together may cost `draft.WHOLE_FALL`. In between all parts are refined
-together and made regular again. The order of the primitives stays; parts that symmetry adds come last.
+falls by no more than `transaction.FALLS`; all together may cost `transaction.WHOLE_FALL`. In between all parts are
+refined together and made regular again. The order of the primitives stays; parts that symmetry adds come last.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ import warp as wp
 from ...kernels.rows import SHAPES
 from ...shape.target import Target
 from ..config import FitConfig
-from ..objective.judge import Judge
-from ..refine.refine import refine
+from ..objective.cached import CachedObjective
+from ..refine.joint import refine
 from .canonical import canonical_changes, parameter_of, with_parameter
-from .draft import FALLS, Change, Claim, Draft
+from .constraints import Constraints, Copied
 from .relations import Relation
 from .snap_axes import snap_axes
 from .snap_lengths import snap_centres, snap_sizes
 from .symmetric_layout import Layout, copy_across, lay_out, motions_of, resolved, without_idle
 from .symmetry import Symmetry, find_symmetries
-from .ties import Copied, Ties
+from .transaction import FALLS, Change, Claim, Transaction
 
 SYMMETRY_FALL = 6e-3
 """Most that the objective may fall for symmetry, which is many relations at once."""
@@ -69,20 +69,22 @@ def snap(
     """
     if not len(rows):
         return Regular(rows, [], ())
-    judge = Judge(target, config, device)
-    draft = Draft(rows, judge, Ties(tuple(copies)))
-    origin = _symmetries(draft, find_symmetries(target), config, device)
+    cached_objective = CachedObjective(target, config, device)
+    transaction = Transaction(rows, cached_objective, Constraints(tuple(copies)))
+    origin = _symmetries(transaction, find_symmetries(target), config, device)
     for fall in FALLS:
-        draft.fall = fall
+        transaction.fall = fall
         for stage in (_canonical, snap_axes, _canonical, snap_sizes, snap_centres):
             if should_stop():
-                return Regular(draft.rows, draft.relations(), origin)
-            stage(draft)
-        _refine(draft, config, device)
-    return Regular(draft.rows, draft.relations(), origin)
+                return Regular(transaction.rows, transaction.relations(), origin)
+            stage(transaction)
+        _refine(transaction, config, device)
+    return Regular(transaction.rows, transaction.relations(), origin)
 
 
-def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: wp.Device) -> tuple[int, ...]:
+def _symmetries(
+    transaction: Transaction, found: list[Symmetry], config: FitConfig, device: wp.Device
+) -> tuple[int, ...]:
     """Tie the parts by as much of the target's symmetry as the objective allows: the largest group that it does.
 
     Returns:
@@ -97,38 +99,46 @@ def _symmetries(draft: Draft, found: list[Symmetry], config: FitConfig, device: 
         if not choice or names in seen or not motions_of(choice):
             continue
         seen.append(names)
-        layouts = _layouts(draft, choice, config.max_primitives)
-        trials = [_settled(layout, draft, config, device) for layout in layouts]
+        layouts = _layouts(transaction, choice, config.max_primitives)
+        trials = [_settled(layout, transaction, config, device) for layout in layouts]
         if not trials:
             continue
         number = int(np.argmax([trial.objective for trial in trials]))
         best = trials[number]
-        if best.objective < draft.objective - SYMMETRY_FALL:
+        if best.objective < transaction.objective - SYMMETRY_FALL:
             continue
-        parts = {index for copy in best.ties.copies for index in (copy.index, copy.source)}
-        parts |= set(best.ties.astride)
+        parts = {index for copy in best.constraints.copies for index in (copy.index, copy.source)}
+        parts |= set(best.constraints.astride)
         claims = [_claim(entry, tuple(sorted(parts)), len(best.rows)) for entry in choice]
-        draft.restart(best.rows, best.ties, claims)
+        transaction.restart(best.rows, best.constraints, claims)
         return layouts[number].origin
-    return tuple(range(len(draft.rows)))
+    return tuple(range(len(transaction.rows)))
 
 
-def _layouts(draft: Draft, choice: list[Symmetry], most: int) -> list[Layout]:
+def _layouts(transaction: Transaction, choice: list[Symmetry], most: int) -> list[Layout]:
     """Parts matched with one another, and for planes each side copied onto the other."""
-    fixed = {index for copy in draft.ties.copies for index in (copy.source, copy.index)}
-    layouts = [_completed(lay_out(draft.rows, motions_of(choice), draft.judge, fixed), draft, most)]
+    fixed = {index for copy in transaction.constraints.copies for index in (copy.source, copy.index)}
+    layouts = [
+        _completed(
+            lay_out(transaction.rows, motions_of(choice), transaction.cached_objective, fixed),
+            transaction,
+            most,
+        )
+    ]
     if all(entry.order == 1 for entry in choice) and not fixed:
         for sides in product((1.0, -1.0), repeat=len(choice)):
-            layout = copy_across(draft.rows, choice, sides, draft.judge, fixed, most)
+            layout = copy_across(transaction.rows, choice, sides, transaction.cached_objective, fixed, most)
             if layout is not None:
-                layouts.append(without_idle(layout, draft.judge))
-    return [layout for layout in layouts if layout.ties.copies or layout.ties.astride]
+                layouts.append(without_idle(layout, transaction.cached_objective))
+    return [layout for layout in layouts if layout.constraints.copies or layout.constraints.astride]
 
 
-def _settled(layout: Layout, draft: Draft, config: FitConfig, device: wp.Device) -> Draft:
+def _settled(layout: Layout, transaction: Transaction, config: FitConfig, device: wp.Device) -> Transaction:
     """A draft of a layout, refined."""
-    ties = Ties((*draft.ties.copies, *layout.ties.copies), layout.ties.astride)
-    trial = Draft(layout.rows, draft.judge, ties)
+    constraints = Constraints(
+        (*transaction.constraints.copies, *layout.constraints.copies), layout.constraints.astride
+    )
+    trial = Transaction(layout.rows, transaction.cached_objective, constraints)
     _refine(trial, config, device)
     return trial
 
@@ -147,15 +157,15 @@ def _orthogonal(planes: list[Symmetry]) -> list[Symmetry]:
     return chosen
 
 
-def _completed(layout: Layout, draft: Draft, most: int) -> Layout:
+def _completed(layout: Layout, transaction: Transaction, most: int) -> Layout:
     """The layout with parts that have no partner given one, or gone, where that costs next to nothing."""
-    judge = draft.judge
-    objective = judge.objective(layout.rows)
+    cached_objective = transaction.cached_objective
+    objective = cached_objective.objective(layout.rows)
     while layout.alone:
         # Copies of the mesh's parts are known by their place in the list: then nothing is taken out.
-        least = len(layout.rows) if draft.ties.copies else 1
-        candidates = [entry for entry in resolved(layout, judge, most) if len(entry.rows) >= least]
-        scores = [judge.objective(candidate.rows) for candidate in candidates]
+        least = len(layout.rows) if transaction.constraints.copies else 1
+        candidates = [entry for entry in resolved(layout, cached_objective, most) if len(entry.rows) >= least]
+        scores = [cached_objective.objective(candidate.rows) for candidate in candidates]
         if not scores or max(scores) < objective - FALLS[-1]:
             break
         best = int(np.argmax(scores))
@@ -163,20 +173,22 @@ def _completed(layout: Layout, draft: Draft, most: int) -> Layout:
     return layout
 
 
-def _canonical(draft: Draft) -> None:
+def _canonical(transaction: Transaction) -> None:
     """Canonical parameters, part by part."""
-    for index in draft.free():
+    for index in transaction.free():
         tried: set[str] = set()
         while True:
-            name = draft.families[index]
-            fresh = [entry for entry in canonical_changes(draft.rows[index], name) if entry[0] not in tried]
+            name = transaction.families[index]
+            fresh = [
+                entry for entry in canonical_changes(transaction.rows[index], name) if entry[0] not in tried
+            ]
             if not fresh:
                 break
             parameter, value, _ = fresh[0]
             tried.add(parameter)
-            parts = tuple(draft.ties.followers(index))
+            parts = tuple(transaction.constraints.followers(index))
             claim = Claim("canonical", parts, parameter, _canonical_value(index, parameter, value))
-            draft.attempt(_one_change(index, name, parameter, value), claim)
+            transaction.attempt(_one_change(index, name, parameter, value), claim)
 
 
 def _canonical_value(index: int, parameter: str, value: float) -> Callable[[np.ndarray], float]:
@@ -201,10 +213,12 @@ def _one_change(index: int, name: str, parameter: str, value: float) -> Change:
     return change
 
 
-def _refine(draft: Draft, config: FitConfig, device: wp.Device) -> None:
+def _refine(transaction: Transaction, config: FitConfig, device: wp.Device) -> None:
     """Move all parts together and make them regular again, while that raises the objective."""
     steps = replace(config.refine, iterations=REFINE_STEPS, betas=(80.0, 200.0))
     for _ in range(REFINEMENTS):
-        moved = refine(draft.rows, draft.families, draft.judge.samples, steps, device)
-        if not draft.adopt(moved):
+        moved = refine(
+            transaction.rows, transaction.families, transaction.cached_objective.samples, steps, device
+        )
+        if not transaction.adopt(moved):
             break

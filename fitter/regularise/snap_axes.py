@@ -8,9 +8,9 @@ import numpy as np
 
 from ...kernels.rows import ROTATION, SHAPES
 from .canonical import is_box, is_prism, is_round, is_straight
-from .draft import Change, Claim, Draft
-from .placement import matrix_of, multiply, quaternion_of
-from .ties import tidy, turn_between
+from .constraints import tidy, turn_between
+from .rigid_motion import matrix_of, multiply, quaternion_of
+from .transaction import Change, Claim, Transaction
 
 NEAR = np.radians(8.0)
 """Directions nearer than this are tried as parallel."""
@@ -24,15 +24,15 @@ ROTATIONS = [
 """The 24 rotations of the cube, as quaternions."""
 
 
-def snap_axes(draft: Draft) -> None:
+def snap_axes(transaction: Transaction) -> None:
     """All three axes along the mesh's where they nearly are, else one; then parallel to one another."""
     loose = []
-    for index in draft.free():
-        if not _to_mesh(draft, index):
+    for index in transaction.free():
+        if not _to_mesh(transaction, index):
             loose.append(index)
     for place, index in enumerate(loose):
         for other in loose[:place]:
-            if _to_other(draft, index, other):
+            if _to_other(transaction, index, other):
                 break
 
 
@@ -44,16 +44,16 @@ def _set_rotation(index: int, quaternion: np.ndarray) -> Change:
     return change
 
 
-def _to_mesh(draft: Draft, index: int) -> bool:
+def _to_mesh(transaction: Transaction, index: int) -> bool:
     """Line a primitive up with the mesh's axes: all of its axes, else its sweep, else another."""
-    row, name = draft.rows[index], draft.families[index]
+    row, name = transaction.rows[index], transaction.families[index]
     own = row[ROTATION : ROTATION + 4].astype(np.float64)
-    family = tuple(draft.ties.followers(index))
+    family = tuple(transaction.constraints.followers(index))
     nearest = max(ROTATIONS, key=lambda quaternion: abs(float(quaternion @ own)))
     angle = 2.0 * np.arccos(min(1.0, abs(float(nearest @ own))))
     if angle < NEAR:
         claim = _said("axis", family, "along the mesh's axes")
-        if draft.attempt(_box_as_it_stands(index, nearest, name), claim):
+        if transaction.attempt(_box_as_it_stands(index, nearest, name), claim):
             return True
     matrix = matrix_of(own)
     # Of a body of revolution only the sweep counts.
@@ -69,7 +69,7 @@ def _to_mesh(draft: Draft, index: int) -> bool:
                 key=lambda q: (abs(float(q @ own)), tuple(q)),
             )
         value = {"axis": "xyz"[axis], "along": "xyz"[world]}
-        if draft.attempt(_set_rotation(index, turned), _said("axis", family, value)):
+        if transaction.attempt(_set_rotation(index, turned), _said("axis", family, value)):
             return True
     return False
 
@@ -91,26 +91,26 @@ def _box_as_it_stands(index: int, quaternion: np.ndarray, name: str) -> Change:
     return change
 
 
-def _to_other(draft: Draft, index: int, other: int) -> bool:
+def _to_other(transaction: Transaction, index: int, other: int) -> bool:
     """Give a primitive the orientation of another, in whichever position of the cube is nearest; else its sweep."""
-    own, theirs = (draft.rows[k, ROTATION : ROTATION + 4].astype(np.float64) for k in (index, other))
-    name = draft.families[index]
+    own, theirs = (transaction.rows[k, ROTATION : ROTATION + 4].astype(np.float64) for k in (index, other))
+    name = transaction.families[index]
     parts = tuple(sorted({index, other}))
     nearest = max(
         (multiply(theirs, turn) for turn in ROTATIONS), key=lambda quaternion: abs(float(quaternion @ own))
     )
     if 2.0 * np.arccos(min(1.0, abs(float(nearest @ own)))) < NEAR:
         turn = tidy(nearest)
-        if draft.attempt(_set_rotation(index, turn), _said("axis", parts, "parallel axes")):
+        if transaction.attempt(_set_rotation(index, turn), _said("axis", parts, "parallel axes")):
             return True
     a, b = matrix_of(own)[:, 2], matrix_of(theirs)[:, 2]
-    either = is_straight(draft.rows[index], name) and is_prism(draft.rows[index], name)
+    either = is_straight(transaction.rows[index], name) and is_prism(transaction.rows[index], name)
     if a @ b < 0 and either:
         b = -b
     if np.arccos(np.clip(float(a @ b), -1.0, 1.0)) >= NEAR:
         return False
     turned = tidy(multiply(turn_between(a, b), own))
-    return draft.attempt(_set_rotation(index, turned), _said("axis", parts, "parallel sweeps"))
+    return transaction.attempt(_set_rotation(index, turned), _said("axis", parts, "parallel sweeps"))
 
 
 def _said(kind: str, parts: tuple[int, ...], value: object) -> Claim:

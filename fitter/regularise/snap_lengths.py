@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...kernels.rows import SHAPES, TRANSLATION
-from .draft import Claim, Draft
+from .transaction import Claim, Transaction
 
 NEAR_SIZE = 0.05
 """Relative difference up to which sizes are tried as equal."""
@@ -20,40 +20,40 @@ Place = tuple[int, int]
 """Index of a primitive and a column of its row."""
 
 
-def snap_sizes(draft: Draft) -> None:
+def snap_sizes(transaction: Transaction) -> None:
     """First parts that are alike in all three sizes, then single sizes."""
-    free = draft.free()
+    free = transaction.free()
     used: set[int] = set()
     for place, index in enumerate(free):
         if index in used:
             continue
-        sizes = draft.rows[index, SHAPES : SHAPES + 3]
+        sizes = transaction.rows[index, SHAPES : SHAPES + 3]
         alike = [index]
         for other in free[place + 1 :]:
-            theirs = draft.rows[other, SHAPES : SHAPES + 3]
+            theirs = transaction.rows[other, SHAPES : SHAPES + 3]
             near = np.abs(sizes - theirs) <= NEAR_SIZE * np.maximum(sizes, theirs)
             if other not in used and near.all():
                 alike.append(other)
-        if len(alike) > 1 and _same_sizes(draft, alike):
+        if len(alike) > 1 and _same_sizes(transaction, alike):
             used.update(alike)
     places = [(index, SHAPES + axis) for index in free for axis in range(3)]
-    for group in _clusters(draft.rows, places, relative=NEAR_SIZE, absolute=0.0):
-        if len({draft.rows[place].tobytes() for place in group}) > 1:
-            _equal(draft, group, "size")
+    for group in _clusters(transaction.rows, places, relative=NEAR_SIZE, absolute=0.0):
+        if len({transaction.rows[place].tobytes() for place in group}) > 1:
+            _equal(transaction, group, "size")
 
 
-def snap_centres(draft: Draft) -> None:
+def snap_centres(transaction: Transaction) -> None:
     """Coordinates of centres along the mesh's axes: coaxial parts, parts in a row, parts on the middle plane."""
-    free = draft.free()
+    free = transaction.free()
     for axis in range(3):
         places = [(index, TRANSLATION + axis) for index in free]
-        for group in _clusters(draft.rows, places, relative=0.0, absolute=NEAR_PLACE):
-            if not _equal(draft, group, "centre"):
+        for group in _clusters(transaction.rows, places, relative=0.0, absolute=NEAR_PLACE):
+            if not _equal(transaction, group, "centre"):
                 for first, second in pairwise(group):
-                    _equal(draft, [first, second], "centre")
+                    _equal(transaction, [first, second], "centre")
 
 
-def _same_sizes(draft: Draft, alike: Sequence[int]) -> bool:
+def _same_sizes(transaction: Transaction, alike: Sequence[int]) -> bool:
     """Give several parts the mean of their sizes."""
 
     def change(rows: np.ndarray) -> np.ndarray:
@@ -63,11 +63,11 @@ def _same_sizes(draft: Draft, alike: Sequence[int]) -> bool:
     def value(rows: np.ndarray) -> list[float]:
         return [float(number) for number in rows[alike[0], SHAPES : SHAPES + 3]]
 
-    parts = sorted({follower for index in alike for follower in draft.ties.followers(index)})
-    return draft.attempt(change, Claim("size", tuple(parts), "all", value))
+    parts = sorted({follower for index in alike for follower in transaction.constraints.followers(index)})
+    return transaction.attempt(change, Claim("size", tuple(parts), "all", value))
 
 
-def _equal(draft: Draft, group: Sequence[Place], kind: str) -> bool:
+def _equal(transaction: Transaction, group: Sequence[Place], kind: str) -> bool:
     """Give several numbers their mean; a centre on the middle plane of the box stays there."""
     rows_of, columns = [list(entry) for entry in zip(*group, strict=True)]
 
@@ -83,7 +83,7 @@ def _equal(draft: Draft, group: Sequence[Place], kind: str) -> bool:
             return {"length": number}
         return {"axis": "xyz"[columns[0] - TRANSLATION], "at": number}
 
-    return draft.attempt(change, Claim(kind, tuple(sorted(set(rows_of))), tuple(group), value))
+    return transaction.attempt(change, Claim(kind, tuple(sorted(set(rows_of))), tuple(group), value))
 
 
 def _mean(numbers: np.ndarray) -> np.ndarray:

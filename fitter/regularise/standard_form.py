@@ -13,7 +13,7 @@ import numpy as np
 
 from ...kernels.primitives import family
 from ...kernels.rows import ROTATION, SHAPES, TRANSLATION
-from ..objective.judge import Judge
+from ..objective.cached import CachedObjective
 from .canonical import (
     canonical_changes,
     is_box,
@@ -23,9 +23,9 @@ from .canonical import (
     parameter_of,
     with_parameter,
 )
-from .placement import canonical_sign, matrix_of, multiply, quaternion_of
+from .constraints import Constraints, Copied, tidy, turn_between
+from .rigid_motion import canonical_sign, matrix_of, multiply, quaternion_of
 from .snap_axes import ROTATIONS
-from .ties import Copied, Ties, tidy, turn_between
 
 THIN = 0.08
 """A size below this share of the dilation may be none."""
@@ -59,16 +59,18 @@ TUNING = (4e-4, 1e-4, 2.5e-5)
 """Steps of lengths when a primitive without extent is moved to where it is best: gradients end beside it."""
 
 
-def standard_forms(rows: np.ndarray, judge: Judge, copies: Sequence[Copied] = ()) -> np.ndarray:
+def standard_forms(
+    rows: np.ndarray, cached_objective: CachedObjective, copies: Sequence[Copied] = ()
+) -> np.ndarray:
     """Rows in which each primitive has its standard form, as far as that leaves the objective as it is.
 
     Args:
         rows: (primitive_count, ROW) float32.
-        judge: of the target.
+        cached_objective: of the target.
         copies: primitives that follow from others; they stay so.
     """
-    form = _Forms(rows, judge, Ties(tuple(copies)))
-    for index in form.ties.free(len(rows)):
+    form = _Forms(rows, cached_objective, Constraints(tuple(copies)))
+    for index in form.constraints.free(len(rows)):
         name = form.families[index]
         form.attempt(index, _canonical(form.rows[index], name))
         bare = _without_extent(form.rows[index], name)
@@ -84,25 +86,25 @@ def standard_forms(rows: np.ndarray, judge: Judge, copies: Sequence[Copied] = ()
 class _Forms:
     """Rows that are being changed, as long as neither their objective nor their surface changes to speak of."""
 
-    def __init__(self, rows: np.ndarray, judge: Judge, ties: Ties):
-        self.rows, self.judge, self.ties = rows, judge, ties
-        self.families = judge.families(rows)
-        self.objective = judge.objective(rows) if len(rows) else 0.0
+    def __init__(self, rows: np.ndarray, cached_objective: CachedObjective, constraints: Constraints):
+        self.rows, self.cached_objective, self.constraints = rows, cached_objective, constraints
+        self.families = cached_objective.families(rows)
+        self.objective = cached_objective.objective(rows) if len(rows) else 0.0
 
     def changed(self, index: int, row: np.ndarray) -> np.ndarray:
         rows = self.rows.copy()
         rows[index] = row
-        return self.ties.complete(rows, self.families)
+        return self.constraints.complete(rows, self.families)
 
     def objective_with(self, index: int, row: np.ndarray) -> float:
-        return self.judge.objective(self.changed(index, row))
+        return self.cached_objective.objective(self.changed(index, row))
 
     def attempt(self, index: int, row: np.ndarray, fall: float = COSTLESS) -> None:
         """Take a row if the objective falls by no more than `fall`, or the surface hardly moves."""
         if np.array_equal(row, self.rows[index]):
             return
         rows = self.changed(index, row)
-        objective = self.judge.objective(rows)
+        objective = self.cached_objective.objective(rows)
         if objective < self.objective - fall:
             shift, misfit = self._shift(index, row)
             coarse = objective >= self.objective - COARSE and shift <= misfit
@@ -112,11 +114,11 @@ class _Forms:
 
     def _shift(self, index: int, row: np.ndarray) -> tuple[float, float]:
         """Mean distances by which a primitive's surface moves, and is off the target's, at samples near it."""
-        before, after = self.judge.values(np.stack([self.rows[index], row]))
+        before, after = self.cached_objective.values(np.stack([self.rows[index], row]))
         near = np.abs(before) < NEAR_SURFACE
         if not near.any():
             return 0.0, 0.0
-        off = before[near] - self.judge.samples.distance[near]
+        off = before[near] - self.cached_objective.samples.distance[near]
         return float(np.abs(after - before)[near].mean()), float(np.abs(off).mean())
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...kernels.rows import BLEND
-from ..objective.judge import Judge
-from .placement import move_rows
+from ..objective.cached import CachedObjective
+from .constraints import Constraints, Copied, symmetric_row
+from .rigid_motion import move_rows
 from .symmetry import Symmetry
-from .ties import Copied, Ties, symmetric_row
 
 MATCH = 0.45
 """IoU, on the samples, of a part's image and another part for the two to be the same: both were fitted freely."""
@@ -30,7 +30,7 @@ class Layout:
     """Rows and ties, and which rows have no partner."""
 
     rows: np.ndarray
-    ties: Ties
+    constraints: Constraints
     alone: tuple[tuple[int, tuple[Motion, ...]], ...]
     """Primitives with images where there is no part, and the motions to them."""
     origin: tuple[int, ...]
@@ -53,17 +53,19 @@ def motions_of(symmetries: list[Symmetry], most: int = 24) -> list[Motion]:
     return group[1:]
 
 
-def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[int]) -> Layout:
+def lay_out(
+    rows: np.ndarray, motions: list[Motion], cached_objective: CachedObjective, fixed: set[int]
+) -> Layout:
     """Match every part's images with parts, and tie what matches.
 
     Args:
         rows: (primitive_count, ROW).
         motions: a group without the identity.
-        judge: tells what parts hold.
+        cached_objective: tells what parts hold.
         fixed: primitives that are tied already, and stay out of it.
     """
-    families = judge.families(rows)
-    bits = (judge.values(rows) < 0).astype(np.float32)
+    families = cached_objective.families(rows)
+    bits = (cached_objective.values(rows) < 0).astype(np.float32)
     left = [index for index in np.argsort(-bits.sum(1), kind="stable").tolist() if index not in fixed]
     rows = rows.copy()
     copies: list[Copied] = []
@@ -72,7 +74,7 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
     while left:
         index = left.pop(0)
         images = np.concatenate([move_rows(rows[index : index + 1], t, np.zeros(3), s) for t, s in motions])
-        shares = _shares(judge.values(images) < 0, bits)
+        shares = _shares(cached_objective.values(images) < 0, bits)
         self_motions = tuple(m for m, share in zip(motions, shares, strict=True) if share[index] > SELF_MATCH)
         if self_motions:
             astride[index] = self_motions
@@ -92,15 +94,15 @@ def lay_out(rows: np.ndarray, motions: list[Motion], judge: Judge, fixed: set[in
         copies += taken
         if missing:
             alone.append((index, tuple(missing)))
-    ties = Ties(tuple(copies), astride)
-    return Layout(ties.complete(rows, families), ties, tuple(alone), tuple(range(len(rows))))
+    constraints = Constraints(tuple(copies), astride)
+    return Layout(constraints.complete(rows, families), constraints, tuple(alone), tuple(range(len(rows))))
 
 
 def copy_across(
     rows: np.ndarray,
     planes: list[Symmetry],
     sides: tuple[float, ...],
-    judge: Judge,
+    cached_objective: CachedObjective,
     fixed: set[int],
     most: int,
 ) -> Layout | None:
@@ -110,20 +112,20 @@ def copy_across(
         rows: (primitive_count, ROW).
         planes: at right angles to each other.
         sides: for each plane 1 or -1, the side that is copied.
-        judge: tells what parts hold.
+        cached_objective: tells what parts hold.
         fixed: primitives that stay as they are.
         most: primitives; None is returned where more were needed.
     """
     motions = motions_of(planes)
-    families = judge.families(rows)
-    bits = (judge.values(rows) < 0).astype(np.float32)
+    families = cached_objective.families(rows)
+    bits = (cached_objective.values(rows) < 0).astype(np.float32)
     kept, astride, alone = [], {}, []
     for index in range(len(rows)):
         if index in fixed:
             kept.append(index)
             continue
         images = np.concatenate([move_rows(rows[index : index + 1], t, np.zeros(3), s) for t, s in motions])
-        shares = _shares(judge.values(images) < 0, bits[index : index + 1])[:, 0]
+        shares = _shares(cached_objective.values(images) < 0, bits[index : index + 1])[:, 0]
         own = tuple(m for m, share in zip(motions, shares, strict=True) if share > CROSSING)
         heights = [
             side * float((rows[index, :3] - plane.centre) @ plane.axis)
@@ -138,10 +140,10 @@ def copy_across(
                 (index, tuple(m for m, share in zip(motions, shares, strict=True) if share <= CROSSING))
             )
     place = {old: new for new, old in enumerate(kept)}
-    ties = Ties((), {place[index]: own for index, own in astride.items()})
-    layout = Layout(ties.complete(rows[kept], families), ties, (), tuple(kept))
+    constraints = Constraints((), {place[index]: own for index, own in astride.items()})
+    layout = Layout(constraints.complete(rows[kept], families), constraints, (), tuple(kept))
     for index, missing in alone:
-        layout = _with_images(layout, place[index], missing, judge)
+        layout = _with_images(layout, place[index], missing, cached_objective)
     return layout if 0 < len(layout.rows) <= most else None
 
 
@@ -151,7 +153,9 @@ def _index_of(plane: Symmetry, motions: list[Motion]) -> int:
     return min(range(len(motions)), key=lambda k: float(np.abs(motions[k][0] - turn).max()))
 
 
-def _with_images(layout: Layout, index: int, motions: tuple[Motion, ...], judge: Judge) -> Layout:
+def _with_images(
+    layout: Layout, index: int, motions: tuple[Motion, ...], cached_objective: CachedObjective
+) -> Layout:
     """The layout with images of a primitive, at the end; images that fall together are one."""
     row = layout.rows[index : index + 1]
     more, placed = [], []
@@ -164,27 +168,32 @@ def _with_images(layout: Layout, index: int, motions: tuple[Motion, ...], judge:
         return layout
     rows = np.concatenate([layout.rows, np.stack(placed)])
     rows[len(layout.rows) :, BLEND] = row[0, BLEND]
-    ties = Ties((*layout.ties.copies, *more), layout.ties.astride)
+    constraints = Constraints((*layout.constraints.copies, *more), layout.constraints.astride)
     origin = (*layout.origin, *[layout.origin[index]] * len(more))
-    return Layout(ties.complete(rows, judge.families(rows)), ties, layout.alone, origin)
+    return Layout(
+        constraints.complete(rows, cached_objective.families(rows)), constraints, layout.alone, origin
+    )
 
 
-def resolved(layout: Layout, judge: Judge, most: int) -> list[Layout]:
+def resolved(layout: Layout, cached_objective: CachedObjective, most: int) -> list[Layout]:
     """The layouts in which the first part without a partner got one, if there is room, and in which it is gone."""
     (index, motions), rest = layout.alone[0], layout.alone[1:]
     found = [_without(layout, index, rest)]
     if len(layout.rows) + len(motions) <= most:
-        found.append(_with_images(replace(layout, alone=rest), index, motions, judge))
+        found.append(_with_images(replace(layout, alone=rest), index, motions, cached_objective))
     return found
 
 
-def without_idle(layout: Layout, judge: Judge) -> Layout:
+def without_idle(layout: Layout, cached_objective: CachedObjective) -> Layout:
     """The layout less the primitives, with all that follows from them, without which the objective is higher."""
-    objective = judge.objective(layout.rows)
+    objective = cached_objective.objective(layout.rows)
     while len(layout.rows) > 1:
-        candidates = [_without(layout, index, layout.alone) for index in layout.ties.free(len(layout.rows))]
+        candidates = [
+            _without(layout, index, layout.alone) for index in layout.constraints.free(len(layout.rows))
+        ]
         scores = [
-            judge.objective(candidate.rows) if len(candidate.rows) else -1.0 for candidate in candidates
+            cached_objective.objective(candidate.rows) if len(candidate.rows) else -1.0
+            for candidate in candidates
         ]
         best = int(np.argmax(scores))
         if scores[best] <= objective:
@@ -195,18 +204,18 @@ def without_idle(layout: Layout, judge: Judge) -> Layout:
 
 def _without(layout: Layout, index: int, alone: tuple[tuple[int, tuple[Motion, ...]], ...]) -> Layout:
     """The layout less a primitive and what follows from it."""
-    gone = layout.ties.followers(index)
+    gone = layout.constraints.followers(index)
     kept = [k for k in range(len(layout.rows)) if k not in gone]
     place = {old: new for new, old in enumerate(kept)}
     copies = tuple(
         Copied(place[copy.source], place[copy.index], copy.turn, copy.shift)
-        for copy in layout.ties.copies
+        for copy in layout.constraints.copies
         if copy.index in place and copy.source in place
     )
-    astride = {place[k]: motions for k, motions in layout.ties.astride.items() if k in place}
+    astride = {place[k]: motions for k, motions in layout.constraints.astride.items() if k in place}
     rest = tuple((place[k], motions) for k, motions in alone if k in place)
     origin = tuple(layout.origin[k] for k in kept)
-    return Layout(layout.rows[kept], Ties(copies, astride), rest, origin)
+    return Layout(layout.rows[kept], Constraints(copies, astride), rest, origin)
 
 
 def _shares(images: np.ndarray, bits: np.ndarray) -> np.ndarray:

@@ -5,38 +5,42 @@ from __future__ import annotations
 import numpy as np
 
 from ...kernels.rows import BLEND
-from ..objective.assess import sorted_by_volume
-from ..propose.memory import CandidateMemory
-from ..select.chooser import Chooser
-from .workbench import Workbench
+from ..objective.scoring import sorted_by_volume
+from ..propose.candidate_pool import CandidatePool
+from ..select.greedy_cover import GreedyCover
+from .context import SearchContext
 
 WORST_LOSS = 0.03
 """Objective that a merger may lose before it is refined."""
 
 
 def mergers(
-    rows: np.ndarray, memory: CandidateMemory, bench: Workbench, most: int, worst_loss: float = WORST_LOSS
+    rows: np.ndarray,
+    candidate_pool: CandidatePool,
+    context: SearchContext,
+    most: int,
+    worst_loss: float = WORST_LOSS,
 ) -> list[np.ndarray]:
     """The rows after each of the most promising mergers, unrefined, best first.
 
     Args:
         rows: (primitive_count, ROW), the parts.
-        memory: the candidates that may stand for two of them or more.
-        bench: the fit: its samples, price and device.
+        candidate_pool: the candidates that may stand for two of them or more.
+        context: the fit: its samples, price and device.
         most: mergers at most.
         worst_loss: objective that one may lose before it is refined.
     """
     count = len(rows)
-    if count < 2 or not memory.rows:
+    if count < 2 or not candidate_pool.rows:
         return []
-    pool = np.concatenate([memory.candidates(), rows])
+    pool = np.concatenate([candidate_pool.candidates(), rows])
     members = list(range(len(pool) - count, len(pool)))
-    with memory.joined_by(rows) as holdings:
-        return _mergers(Chooser(holdings, bench.tally, bench.alpha), pool, members, most, worst_loss)
+    with candidate_pool.joined_by(rows) as coverage:
+        return _mergers(GreedyCover(coverage, context.tally, context.alpha), pool, members, most, worst_loss)
 
 
 def _mergers(
-    choice: Chooser, pool: np.ndarray, members: list[int], most: int, worst_loss: float
+    choice: GreedyCover, pool: np.ndarray, members: list[int], most: int, worst_loss: float
 ) -> list[np.ndarray]:
     """`mergers` of the members of a pool."""
     for index in members:

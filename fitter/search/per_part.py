@@ -13,26 +13,26 @@ import numpy as np
 import warp as wp
 
 from ...decomposition.region import region_from_mask
-from ...kernels.field.field import cell_centres, union_at
+from ...kernels.field.evaluate import cell_centres, union_at
 from ...kernels.field.points import from_grid_blocks, grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, ROW
 from ...kernels.runtime.launch import serial_device
-from ...kernels.select.occupancy import hold
-from ...shape.copies import Copy, find_copies
+from ...kernels.select.coverage_sets import hold
 from ...shape.parts import Piece, piece_target, split_target
+from ...shape.repeated_parts import Copy, find_copies
 from ...shape.target import Target
 from ..config import FitConfig
-from ..objective.judge import Judge
+from ..objective.cached import CachedObjective
 from ..outcome import Outcome, Status
 from ..progress import Progress
-from ..propose.propose import fit_regions
-from ..refine.refine import refine
-from ..regularise.placement import move_rows, rescale_rows
-from ..regularise.ties import Copied
-from ..select.select import prune
-from .loop import fit_target
-from .trade_off import remove_down_to
+from ..propose.candidates import fit_regions
+from ..refine.joint import refine
+from ..regularise.constraints import Copied
+from ..regularise.rigid_motion import move_rows, rescale_rows
+from ..select.selection import prune
+from .multi_start import fit_target
+from .pareto import remove_down_to
 
 LEAST_PARTS, MOST_SHARE = 3, 0.8
 """Unless told to, a mesh is not taken apart if fewer parts than this are worth a primitive, or one is nearly all."""
@@ -112,12 +112,14 @@ def fit_parts(
     if missing or should_stop() or out_of_time():
         status = Status.INTERRUPTED if should_stop() else Status.TIMEOUT
     rows, owner, order = put_together(pieces, copies, fitted)
-    judge = Judge(target, config, device)
-    kept, note = limit(rows, judge, 0.0 if everything else config.parsimony, config.max_primitives)
+    cached_objective = CachedObjective(target, config, device)
+    kept, note = limit(rows, cached_objective, 0.0 if everything else config.parsimony, config.max_primitives)
     tied = copies_among(copies, owner, order, kept.tolist())
     rows, names = rows[kept], name_primitives([pieces[part].name for part in owner[kept]])
     iou = grid_iou(rows, target, config, device)
-    outcome = Outcome(rows, judge.families(rows), judge.score(rows), iou, status, [], timings)
+    outcome = Outcome(
+        rows, cached_objective.families(rows), cached_objective.score(rows), iou, status, [], timings
+    )
     count = sum(copy is not None for copy in copies)
     same = f", {count} of them copies of others" if count else ""
     some = f"the {len(pieces)} largest of {total} parts" if len(pieces) < total else f"{total} parts"
@@ -208,11 +210,11 @@ def fit_one_primitive(target: Target, config: FitConfig, device: wp.Device) -> n
     if region is None:
         return np.zeros((0, ROW), np.float32)
     found = fit_regions([region], target.grid, config.primitive, config.propose, config.seed, device).rows
-    judge = Judge(target, config, device)
-    best = max(range(len(found)), key=lambda k: judge.objective(found[k : k + 1]))
+    cached_objective = CachedObjective(target, config, device)
+    best = max(range(len(found)), key=lambda k: cached_objective.objective(found[k : k + 1]))
     row = found[best : best + 1]
-    refined = refine(row, judge.families(row), judge.samples, config.refine, device)
-    return max(row, refined, key=judge.objective)
+    refined = refine(row, cached_objective.families(row), cached_objective.samples, config.refine, device)
+    return max(row, refined, key=cached_objective.objective)
 
 
 def put_together(
@@ -236,7 +238,9 @@ def put_together(
     return np.concatenate(blocks), np.array(owners, np.int64), np.array(places, np.int64)
 
 
-def limit(rows: np.ndarray, judge: Judge, price: float, most: int) -> tuple[np.ndarray, list[str]]:
+def limit(
+    rows: np.ndarray, cached_objective: CachedObjective, price: float, most: int
+) -> tuple[np.ndarray, list[str]]:
     """Which primitives stay: those that earn more than a price, and at most `most`; the least missed go one by one.
 
     Returns:
@@ -245,12 +249,12 @@ def limit(rows: np.ndarray, judge: Judge, price: float, most: int) -> tuple[np.n
     kept = np.arange(len(rows))
     if not len(rows):
         return kept, []
-    holdings = hold(judge.values(rows) < 0, serial_device())
-    kept = kept[prune(holdings, judge.tally, price)]
+    coverage = hold(cached_objective.values(rows) < 0, serial_device())
+    kept = kept[prune(coverage, cached_objective.tally, price)]
     if len(kept) <= most:
         return kept, []
     note = f"{len(kept)} primitives cut to {most}; raise --max-primitives to keep more."
-    return kept[remove_down_to(judge.values(rows[kept]), judge, most)], [note]
+    return kept[remove_down_to(cached_objective.values(rows[kept]), cached_objective, most)], [note]
 
 
 def name_primitives(parts: list[str]) -> list[str]:

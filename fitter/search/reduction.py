@@ -14,16 +14,16 @@ import warp as wp
 
 from ...decomposition.propose import largest_parts
 from ...kernels.runtime.launch import serial_device
-from ...kernels.select.occupancy import hold
+from ...kernels.select.coverage_sets import hold
 from ...shape.target import Target
 from ..config import FitConfig, RefineConfig
-from ..objective.judge import Judge
-from ..propose.neighbours import neighbour_pairs, part_regions
-from ..refine.refine import refine
+from ..objective.cached import CachedObjective
+from ..propose.split_merge import neighbour_pairs, part_regions
+from ..refine.joint import refine
 from ..select.cover import Cover
-from .loop import Fit
 from .merge import mergers
-from .track import SATURATION
+from .multi_start import MultiStart
+from .search import SATURATION
 
 REMOVALS, MERGERS = 2, 3
 """Ways to do with one part less that are looked at."""
@@ -41,7 +41,7 @@ FEW = 16
 """With more parts than this no rounds follow: what the fit did with even more of them is not bettered so."""
 
 
-class Reduction(Fit):
+class Reduction(MultiStart):
     """An assembly that gets fewer parts."""
 
     def __init__(
@@ -53,7 +53,7 @@ class Reduction(Fit):
         should_stop: Callable[[], bool] = lambda: False,
     ):
         """Begin with `rows`, (primitive_count, ROW), fitted to the target; there is no time-out but `should_stop`."""
-        self.judge = Judge(target, config, device)
+        self.cached_objective = CachedObjective(target, config, device)
         super().__init__(target, replace(config, timeout=0.0), device, None, should_stop)
         self.slabs = True
         if not self.should_stop():
@@ -63,7 +63,7 @@ class Reduction(Fit):
 
     def values(self, rows: np.ndarray) -> np.ndarray:
         """Distances (primitive_count, n) at the samples; only rows not seen of late cost."""
-        return self.judge.values(rows)
+        return self.cached_objective.values(rows)
 
     def take(self, rows: np.ndarray) -> None:
         """Go on from rows."""
@@ -76,7 +76,7 @@ class Reduction(Fit):
             parts = self.parts()
             pairs = neighbour_pairs(parts)[: self.config.propose.merges]
             self.propose(part_regions(parts, pairs, "pair"), len(self.rows))
-            moves += mergers(self.rows, self.memory, self, MERGERS, np.inf)
+            moves += mergers(self.rows, self.candidate_pool, self, MERGERS, np.inf)
             moves.sort(key=lambda move: -self.assess(move).objective)
             moves += [
                 refine(move, self.families(move), self.samples, STEPS, self.device, self.should_stop)
@@ -97,8 +97,8 @@ class Reduction(Fit):
 
         Rounds go on from them, begin from nothing, and put both ends together.
         """
-        rows, config, memory = self.rows, self.config, self.memory
-        self.config, self.memory = replace(config, max_primitives=count), memory.copy()
+        rows, config, candidate_pool = self.rows, self.config, self.candidate_pool
+        self.config, self.candidate_pool = replace(config, max_primitives=count), candidate_pool.copy()
         self.exchange(rows)
         if len(rows) <= FEW:
             ends = [self.rows]
@@ -106,7 +106,7 @@ class Reduction(Fit):
             ends.append(self.rows)
             self.exchange(max(ends, key=lambda end: self.assess(end).objective), np.concatenate(ends))
         best = self.rows
-        self.config, self.memory = config, memory
+        self.config, self.candidate_pool = config, candidate_pool
         self.take(rows)
         return best
 

@@ -18,11 +18,11 @@ from ...shape.manhattan_frame import manhattan_frame
 from ...shape.parts import solid_target
 from ...shape.target import Target
 from ..config import FitConfig
-from ..objective.judge import Judge
+from ..objective.cached import CachedObjective
 from ..outcome import Outcome, Round
 from ..progress import Progress
-from ..regularise.placement import move_rows, rescale_rows
-from .loop import fit_target
+from ..regularise.rigid_motion import move_rows, rescale_rows
+from .multi_start import fit_target
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def fit_standing(
     return replace(
         found,
         rows=rows,
-        score=Judge(target, config, device).score(rows),
+        score=CachedObjective(target, config, device).score(rows),
         rounds=[standing.back_round(entry) for entry in found.rounds],
         timings={"stand": spent, **found.timings},
     )

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...kernels.select.choice import Counts
-from ...kernels.select.occupancy import Holdings
+from ...kernels.select.coverage_gains import CoverageCounts
+from ...kernels.select.coverage_sets import CandidateCoverage
 from ..objective.objective import Tally
 
 
 class Cover:
     """A choice of candidates: additions, removals and its score, for the hard union."""
 
-    def __init__(self, holdings: Holdings, tally: Tally, alpha: float, false_volume: float = 1.0):
-        """`holdings` says which sample points each candidate holds; it must not change while this is in use."""
+    def __init__(self, coverage: CandidateCoverage, tally: Tally, alpha: float, false_volume: float = 1.0):
+        """`coverage` says which sample points each candidate holds; it must not change while this is in use."""
         self.tally, self.alpha, self.false_volume = tally, alpha, false_volume
-        self.holdings = holdings
+        self.coverage = coverage
         self.chosen: list[int] = []
-        self.counts = Counts(holdings, tally.kind, tally.weight)
+        self.counts = CoverageCounts(coverage, tally.kind, tally.weight)
 
     @property
     def held(self) -> np.ndarray:

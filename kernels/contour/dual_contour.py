@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .cell_patches import edge
-from .contour_cells import AROUND, Cells, Crossings, SampledField, find_cells, find_crossings, pair_faces
-from .contour_vertices import place_vertices, project_vertices, refine_crossings
+from .dual_contour_grid import AROUND, Cells, Crossings, SampledField, find_cells, find_crossings, pair_faces
+from .dual_contour_topology import edge
+from .dual_contour_vertices import place_vertices, project_vertices, refine_crossings
 
 TURNED_COST = 0.05
 """What a triangle that faces the wrong way is worth in cells of distance, when quads are split."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..field.bounds import assembly_bounds, has_bent
-from ..field.field import evaluate_assembly, evaluate_grid
+from ..field.evaluate import evaluate_assembly, evaluate_grid
 from ..field.gradient import evaluate_gradient
 from ..field.primitive_set import PrimitiveSet
-from .contour_cells import SampledField
 from .dual_contour import dual_contour
+from .dual_contour_grid import SampledField
 
 Surface = tuple[np.ndarray, np.ndarray]
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from ..field.bounds import local_bounds, parameter_value, rotation_matrices
-from ..field.field import evaluate_assembly
+from ..field.evaluate import evaluate_assembly
 from ..field.primitive_set import PrimitiveSet
 from ..primitives import family
 from ..primitives.family import Family

@@ -1,8 +1,8 @@
 """The union as one differentiable step of a `wp.Tape`, with a hand-written adjoint.
 
-Forward: every primitive at every point, folded on into the union (see `union_fold`). Backward: the fold undone from
-its end gives each primitive its weight at each point, under which value and derivatives, evaluated again, are summed
-over a block; the blocks' sums are then added in a fixed order.
+Forward: every primitive at every point, folded on into the union (see `adjoint_kernels`). Backward: the fold undone
+from its end gives each primitive its weight at each point, under which value and derivatives, evaluated again, are
+summed over a block; the blocks' sums are then added in a fixed order.
 Warp's generated adjoint of a loop that overwrites a variable, such as a running minimum, is wrong without a warning.
 """
 
@@ -15,11 +15,11 @@ import warp as wp
 
 from ..rows import BLEND_C, GATE_C, ROTATION_C, ROW_C, SHAPE_C, SHAPES_C, TRANSLATION_C
 from ..runtime.launch import PLAIN_OPTIONS, launch
+from .adjoint_kernels import BLEND_SUM_C, GATE_SUM_C, SUMS, SUMS_C, fold_kernels
 from .combine import FAR
 from .frame import Frame, to_world_direction
 from .points import BLOCK, PointBlocks, padded_count
 from .primitive_set import PrimitiveSet
-from .union_fold import BLEND_SUM_C, GATE_SUM_C, SUMS, SUMS_C, fold_kernels
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -115,7 +115,7 @@ def chain_rows_kernel(
 
 @dataclass(frozen=True)
 class _Folded:
-    """What the forward step leaves behind; slots as in `union_fold`."""
+    """What the forward step leaves behind; slots as in `adjoint_kernels`."""
 
     field: wp.array
     values: wp.array

@@ -15,8 +15,8 @@ import warp as wp
 
 from ..primitives import family
 from ..rows import BLEND_C, GATE_C, ROW_C
+from ..runtime.cached_kernel import cached_kernel
 from ..runtime.launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
-from ..runtime.made_once import made_once
 from ..vector_math import larger, smaller
 from .combine import FAR, quarter_inverse, smooth_minimum
 from .frame import Frame, to_local
@@ -80,7 +80,7 @@ def bound_blocks_kernel(
     out_radius[block] = wp.sqrt(square)
 
 
-@made_once
+@cached_kernel
 def bound_kernel(name: str) -> wp.Kernel:
     """The kernel that bounds each primitive of the family `name` over each block's sphere."""
     module = f"resfit.kernels.field.culling.{name}"

@@ -7,8 +7,8 @@ import warp as wp
 
 from ..primitives import family
 from ..rows import BLEND_C, GATE_C, ROW_C, Derivatives
+from ..runtime.cached_kernel import cached_kernel
 from ..runtime.launch import VECTOR_OPTIONS, launch
-from ..runtime.made_once import made_once
 from ..vector_math import larger
 from .combine import FAR, gated, quarter_inverse, smooth_minimum, smooth_minimum_share
 from .culling import ActiveLists, BlockBounds, active_lists
@@ -20,7 +20,7 @@ BLOCK_SECONDS = 3e-7
 """One primitive over one block of points, on one core."""
 
 
-@made_once
+@cached_kernel
 def gradient_kernel(name: str) -> wp.Kernel:
     """The kernel that folds value and gradient of the union over a run of primitives of the family `name`."""
     module = f"resfit.kernels.field.gradient.{name}"
@@ -29,8 +29,8 @@ def gradient_kernel(name: str) -> wp.Kernel:
     table = entry.table
     sdf_grad = entry.sdf_grad
     fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    has_seam_zone = entry.seam_zone is not None
+    seam_zone = entry.seam_zone or entry.sdf
 
     @wp.func
     def fold(
@@ -91,10 +91,10 @@ def gradient_kernel(name: str) -> wp.Kernel:
                 gate = rows[k * ROW_C + GATE_C]
                 quarter = quarter_inverse(blend)
                 slow = float(0.0)
-                if wp.static(has_slow_zone):
+                if wp.static(has_seam_zone):
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                        slow += larger(slow_zone(s, px, py, pz), 0.0)
+                        slow += larger(seam_zone(s, px, py, pz), 0.0)
                 if slow > 0.0:
                     for j in range(BLOCK_C):
                         px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])

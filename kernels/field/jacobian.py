@@ -13,8 +13,8 @@ import warp as wp
 
 from ..primitives import family
 from ..rows import TANGENT, Derivatives
+from ..runtime.cached_kernel import cached_kernel
 from ..runtime.launch import VECTOR_OPTIONS, launch
-from ..runtime.made_once import made_once
 from .frame import Frame, to_local
 from .primitive_set import PrimitiveSet
 
@@ -43,7 +43,7 @@ def jacobian_row(x: float, y: float, z: float, d: Derivatives) -> JacobianRow:
     )
 
 
-@made_once
+@cached_kernel
 def jacobian_kernel(name: str) -> wp.Kernel:
     """The kernel of the family `name` that writes one Jacobian row a point; scalar, for checks and small jobs."""
     module = f"resfit.kernels.field.jacobian.{name}"

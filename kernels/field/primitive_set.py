@@ -13,12 +13,12 @@ import warp as wp
 from ..primitives import family
 from ..primitives.family import Family
 from ..rows import GATE, ROW, ROW_C
+from ..runtime.cached_kernel import cached_kernel
 from ..runtime.launch import PLAIN_OPTIONS, launch
-from ..runtime.made_once import made_once
 from .frame import Frame, derive_frame
 
 
-@made_once
+@cached_kernel
 def derive_kernel(name: str) -> wp.Kernel:
     """The kernel that fills frames and tables of the family called `name`."""
     module = f"resfit.kernels.derive.{name}"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..runtime.launch import VECTOR_OPTIONS, launch
-from .cell_list import COORDINATE_LIMIT, pack_cell, unpack_cell
+from .block_list import COORDINATE_LIMIT, pack_cell, unpack_cell
 
 wp.set_module_options(VECTOR_OPTIONS)
 

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from ..runtime.launch import PLAIN_OPTIONS, launch
-from .cells import CellSet, on_cpu
+from .sparse_cells import CellSet, on_cpu
 
 wp.set_module_options(PLAIN_OPTIONS)
 

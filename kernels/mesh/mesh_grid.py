@@ -3,7 +3,7 @@
 Blocks of cells are refined where the surface may be near, each query bounded by what its parent block found; cells
 within BAND of the surface end up with their exact distance. Every other cell measures the distance to the surface
 point that the nearest cell of the band found: never too short, at the median 0.05 of a cell too long, in 99 of 100
-cells under 0.5, at most 1. Signs: `mesh_sign`. Not differentiable.
+cells under 0.5, at most 1. Signs: `inside_grid`. Not differentiable.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..grid.cell_list import COORDINATE_LIMIT, all_blocks, flat_nonzero, split_blocks, unpack_cell
+from ..grid.block_list import COORDINATE_LIMIT, all_blocks, flat_nonzero, split_blocks, unpack_cell
 from ..grid.distance_grid import nearest_true_cells
 from ..runtime.launch import PLAIN_OPTIONS, launch
+from .inside_grid import ColumnCounts, apply_sign, classify_cells
 from .mesh_query import MeshQuery
 from .mesh_rows import CellBand, is_crowded, measure_band
-from .mesh_sign import ColumnCounts, apply_sign, classify_cells
 
 wp.set_module_options(PLAIN_OPTIONS)
 

@@ -54,8 +54,8 @@ class Family:
     glsl: str
     """GLSL ES 3.00 text of the function `float sdf_<name>(vec3 p, float s[8])`."""
     fast: Any = None
-    """(table, x, y, z) -> the same field, cheaper, valid in blocks of points where `slow_zone` is nowhere above 0."""
-    slow_zone: Any = None
+    """(table, x, y, z) -> the same field, cheaper, valid in blocks of points where `seam_zone` is nowhere above 0."""
+    seam_zone: Any = None
     """(table, x, y, z) -> above 0 where only `sdf` is right."""
     sdf_grad: Any = None
     """(table, x, y, z) -> distance, 3 derivatives to the point, SHAPE to the parameters; from `<name>_gradient.py`."""

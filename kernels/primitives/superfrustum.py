@@ -204,5 +204,5 @@ FAMILY = Family(
     reach=reach_superfrustum,
     glsl=GLSL,
     fast=sdf_superfrustum_fast,
-    slow_zone=slow_zone_superfrustum,
+    seam_zone=slow_zone_superfrustum,
 )

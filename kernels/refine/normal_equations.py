@@ -19,13 +19,13 @@ from ..field.jacobian import TANGENT_C, jacobian_row
 from ..field.primitive_set import PrimitiveSet
 from ..primitives import family
 from ..rows import DERIVATIVES_C, Derivatives
+from ..runtime.cached_kernel import cached_kernel
 from ..runtime.launch import PLAIN_OPTIONS, VECTOR_OPTIONS, launch
-from ..runtime.made_once import made_once
 from ..vector_math import clamp_symmetric, larger
-from .loss import occupancy
-from .owned_points import OWNER_BLOCK, OWNER_BLOCK_C, OwnedPoints
-from .small_solve import BLEND_UNKNOWN, RESIDUAL_C, SYSTEM_C
-from .small_solve import SYSTEM as SYSTEM
+from .block_solve import BLEND_UNKNOWN, RESIDUAL_C, SYSTEM_C
+from .block_solve import SYSTEM as SYSTEM
+from .point_batches import OWNER_BLOCK, OWNER_BLOCK_C, PointBatches
+from .soft_occupancy import soft_occupancy
 
 BLOCK_SECONDS = 2.5e-6
 """One block of one owner, on one core."""
@@ -65,7 +65,7 @@ def system_row(
     beta: float,
 ) -> SystemRow:
     """The weighted Jacobian row and residual of a local point (x, y, z), steep entries clipped."""
-    occupied = occupancy(d[0] + offset, beta)
+    occupied = soft_occupancy(d[0] + offset, beta)
     steep = -weight * beta * occupied * (1.0 - occupied)
     scale = slope * steep
     c = d
@@ -78,11 +78,11 @@ def system_row(
     for m in range(TANGENT_C):
         out[m] = scale * row[m]
     out[BLEND_UNKNOWN] = steep * widening
-    out[RESIDUAL_C] = weight * (occupied - occupancy(target, beta))
+    out[RESIDUAL_C] = weight * (occupied - soft_occupancy(target, beta))
     return out
 
 
-@made_once
+@cached_kernel
 def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
     """The kernel of the family `name`: the sums of all products of the rows of a block of points.
 
@@ -94,8 +94,8 @@ def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
     table = entry.table
     sdf_grad = entry.sdf_grad
     fast_grad = entry.fast_grad or entry.sdf_grad
-    has_slow_zone = entry.slow_zone is not None
-    slow_zone = entry.slow_zone or entry.sdf
+    has_seam_zone = entry.seam_zone is not None
+    seam_zone = entry.seam_zone or entry.sdf
     chunk_c, chunk_count = wp.constant(chunk), OWNER_BLOCK // chunk
     row_matrix = wp.types.matrix(shape=(SYSTEM, chunk), dtype=float)
 
@@ -136,10 +136,10 @@ def normal_equations_kernel(name: str, chunk: int) -> wp.Kernel:
             base = point_blocks[pair] * OWNER_BLOCK_C + number * chunk_c
             rows = row_matrix()
             slow = float(0.0)
-            if wp.static(has_slow_zone):
+            if wp.static(has_seam_zone):
                 for j in range(chunk_c):
                     px, py, pz = to_local(f, x[base + j], y[base + j], z[base + j])
-                    slow += larger(slow_zone(s, px, py, pz), 0.0)
+                    slow += larger(seam_zone(s, px, py, pz), 0.0)
             # The derivatives first, which become rows in the same place.
             if slow > 0.0:
                 for j in range(chunk_c):
@@ -201,14 +201,14 @@ def add_systems_kernel(
             out_systems[part + j] += systems[here + j]
 
 
-def partial_systems(points: OwnedPoints, device: wp.Device) -> wp.array:
+def partial_systems(points: PointBatches, device: wp.Device) -> wp.array:
     """Scratch of `normal_equations_at`."""
     return wp.empty(max(1, points.pair_count * SYSTEM * SYSTEM), dtype=float, device=device)
 
 
 def normal_equations_at(
     primitives: PrimitiveSet,
-    points: OwnedPoints,
+    points: PointBatches,
     betas: wp.array,
     out_partial: wp.array,
     out_systems: wp.array,
@@ -254,7 +254,7 @@ def normal_equations_at(
     )
 
 
-def normal_equations(primitives: PrimitiveSet, points: OwnedPoints, beta: float | np.ndarray) -> np.ndarray:
+def normal_equations(primitives: PrimitiveSet, points: PointBatches, beta: float | np.ndarray) -> np.ndarray:
     """One system a primitive: sums over its points of the products of (Jacobian row, residual) with itself.
 
     Args:

@@ -1,4 +1,4 @@
-"""A triangle mesh as something to take pictures of: the same questions as `field_scene`, answered by rays."""
+"""A triangle mesh as something to take pictures of: the same questions as `sdf_scene`, answered by rays."""
 
 # No postponed annotations here: Warp reads the kernels' own.
 
@@ -9,8 +9,8 @@ import warp as wp
 
 from ..runtime.launch import PLAIN_OPTIONS, launch
 from .camera import Rays
-from .march import NO_HIT
 from .shading import to_linear
+from .sphere_trace import NO_HIT
 
 wp.set_module_options(PLAIN_OPTIONS)
 

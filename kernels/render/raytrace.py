@@ -16,9 +16,8 @@ from ..field.primitive_set import PrimitiveSet
 from ..mesh.mesh_rows import is_crowded
 from ..runtime.launch import PLAIN_OPTIONS, choose_device, launch
 from .camera import Camera, Rays, camera_rays
-from .field_scene import FieldScene
-from .march import NO_HIT
 from .mesh_scene import MeshScene
+from .sdf_scene import SdfScene
 from .shading import (
     GROUND_DARKNESS,
     KEY_SOFTNESS,
@@ -28,6 +27,7 @@ from .shading import (
     shade_ground_kernel,
     shade_surface_kernel,
 )
+from .sphere_trace import NO_HIT
 
 wp.set_module_options(PLAIN_OPTIONS)
 
@@ -43,7 +43,7 @@ MAX_PIXELS = 1 << 26
 
 
 class Scene(Protocol):
-    """What can be rendered; `field_scene` and `mesh_scene` say what the methods mean."""
+    """What can be rendered; `sdf_scene` and `mesh_scene` say what the methods mean."""
 
     device: wp.Device
     lower: np.ndarray
@@ -141,7 +141,7 @@ def render_assembly(
     if len(colors) != len(primitives):
         raise ValueError(f"{len(primitives)} primitives but {len(colors)} colours")
     check_size(width, height, samples)
-    return render(FieldScene(primitives, colors), camera, width, height, samples, ground)
+    return render(SdfScene(primitives, colors), camera, width, height, samples, ground)
 
 
 def render_mesh(

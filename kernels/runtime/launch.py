@@ -237,8 +237,8 @@ def launch(
 
     Args:
         kernel: its first parameter is `first: int`, added to `wp.tid()`; it is passed here, not in `inputs`.
-        count: number of threads; 0 launches nothing. A function is asked anew each time that a `Replay` repeats the
-            launch.
+        count: number of threads; 0 launches nothing. A function is asked anew each time that a `LaunchGraph` repeats
+            the launch.
         inputs, outputs: the other arguments, in order.
         device: where the arrays are.
         seconds_per_thread: a guess of one thread's time on one core; launches worth it are split over the cores.

@@ -23,14 +23,14 @@ from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from resfit.kernels.runtime import launch, module_loading
 from resfit.loading import load_behind, without_collector
-from resfit.shape.reader import MeshReader, reading
+from resfit.shape.background_load import MeshReader, reading
 
 if TYPE_CHECKING:
     import trimesh
 
     from resfit.assembly.assembly import Assembly
     from resfit.eval.metrics.evaluate import Align
-    from resfit.result.result import FitResult
+    from resfit.result.fit_result import FitResult
     from resfit.shape.target import Target
 
 __all__ = ["FitConfig", "Progress", "evaluate", "export", "fit"]
@@ -108,7 +108,7 @@ def fit(
     ):
         target = _measure(source, config, device, tell, clock, timings)
         # There by now, or nearly: `_measure` had them loaded in the background.
-        from resfit.fitter.stages import fit_stages
+        from resfit.fitter.pipeline import fit_stages
         from resfit.result.additions import add_stages
         from resfit.result.measure import measure_outcome
     limited = config

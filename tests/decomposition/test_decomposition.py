@@ -9,16 +9,16 @@ from scipy import ndimage
 from voxel_solids import ball, box, cells, grid, paint, share
 
 from resfit.decomposition import msd
-from resfit.decomposition.coarse import coarsen, working_grid
+from resfit.decomposition.coarse_grid import coarsen, working_grid
 from resfit.decomposition.msd import peel
+from resfit.decomposition.plates_and_beams import straight_parts
 from resfit.decomposition.propose import propose_regions
 from resfit.decomposition.region import Region, box_table, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
-from resfit.decomposition.runs import straight_parts
 from resfit.decomposition.target_cells import target_cells
-from resfit.fitter.propose.memory import CandidateMemory
-from resfit.kernels.grid.cells import cells_of, squared_distances
+from resfit.fitter.propose.candidate_pool import CandidatePool
 from resfit.kernels.grid.morphology import components, deepest_core, largest_components
+from resfit.kernels.grid.sparse_cells import cells_of, squared_distances
 from resfit.kernels.rows import empty_rows
 
 
@@ -189,12 +189,12 @@ def test_duplicates_are_dropped_and_the_first_stays() -> None:
 
 
 def test_memory_takes_the_regions_that_are_like_none_of_its_own(device: wp.Device) -> None:
-    def remembering(*regions: Region) -> CandidateMemory:
-        memory = CandidateMemory(lambda rows: np.zeros((len(rows), 1), np.uint32), 4, device)
-        memory.regions, memory.boxes = list(regions), box_table(regions)
-        memory.rows = [empty_rows(1) for _ in regions]
-        memory.holdings.append(memory.inside(memory.candidates()))
-        return memory
+    def remembering(*regions: Region) -> CandidatePool:
+        candidate_pool = CandidatePool(lambda rows: np.zeros((len(rows), 1), np.uint32), 4, device)
+        candidate_pool.regions, candidate_pool.boxes = list(regions), box_table(regions)
+        candidate_pool.rows = [empty_rows(1) for _ in regions]
+        candidate_pool.coverage.append(candidate_pool.inside(candidate_pool.candidates()))
+        return candidate_pool
 
     cube, hollow = np.ones((10, 10, 10), bool), np.ones((10, 10, 10), bool)
     hollow[1:, 1:, 1:] = False
@@ -205,10 +205,10 @@ def test_memory_takes_the_regions_that_are_like_none_of_its_own(device: wp.Devic
         Region(np.array([4, 4, 4]), hollow, 32, "its shell"),
         Region(np.array([12, 4, 5]), cube[:, :, :9], 32, "most of elsewhere"),
     ]
-    memory = remembering(own)
-    memory.take(remembering(*others))
-    assert [region.source for region in memory.regions] == ["own", "elsewhere", "its shell"]
-    assert len(memory.candidates()) == 3 and len(memory.boxes) == 3
+    candidate_pool = remembering(own)
+    candidate_pool.take(remembering(*others))
+    assert [region.source for region in candidate_pool.regions] == ["own", "elsewhere", "its shell"]
+    assert len(candidate_pool.candidates()) == 3 and len(candidate_pool.boxes) == 3
 
 
 def test_components_smaller_than_asked_are_left_out() -> None:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from resfit.decomposition.frames import find_arcs, missing_margin, place, principal_axes, robust_bounds
+from resfit.decomposition.oriented_boxes import (
+    find_arcs,
+    missing_margin,
+    place,
+    principal_axes,
+    robust_bounds,
+)
 
 STEP = 0.02
 LINE = np.arange(-0.6 + 0.5 * STEP, 0.6, STEP)

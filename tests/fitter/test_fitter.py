@@ -13,12 +13,12 @@ from resfit.fitter.config import AdamConfig, FitConfig, preset_config
 from resfit.fitter.objective.samples import objective_samples
 from resfit.fitter.outcome import Status
 from resfit.fitter.refine.adam import redraw
+from resfit.fitter.refine.joint import refine
 from resfit.fitter.refine.levenberg import levenberg
-from resfit.fitter.refine.refine import refine
-from resfit.fitter.search.loop import fit_target
-from resfit.kernels.field.field import cell_centres, evaluate_assembly, evaluate_grid
+from resfit.fitter.search.multi_start import fit_target
+from resfit.kernels.field.evaluate import cell_centres, evaluate_assembly, evaluate_grid
 from resfit.kernels.field.primitive_set import PrimitiveSet
-from resfit.kernels.refine.owned_points import shared_points
+from resfit.kernels.refine.point_batches import shared_points
 from resfit.kernels.rows import SHAPES
 from resfit.kernels.runtime import launch as launching
 from resfit.shape.target import make_target
@@ -96,8 +96,8 @@ def test_other_families_fit(family, device):
 
 def test_refinement_never_raises_the_loss(table, device, rng):
     """A disturbed table moves back towards the target."""
-    from resfit.fitter.objective.assess import score_values, values_at
     from resfit.fitter.objective.objective import Tally
+    from resfit.fitter.objective.scoring import score_values, values_at
     from resfit.kernels.field.points import point_blocks
 
     target = make_target(table, device)

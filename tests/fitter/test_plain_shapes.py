@@ -8,7 +8,7 @@ import trimesh
 from plain_shapes import BENT, SHAPES, TAPERED, longest_side, plain_shape
 
 import resfit
-from resfit.result.result import FitResult
+from resfit.result.fit_result import FitResult
 
 TOLERANCE = {"fast": 0.002, "balanced": 0.001}
 """Share of the size within which 95 % of the surface lies."""

@@ -84,9 +84,9 @@ def ball() -> trimesh.Trimesh:
 
 def picture(path: Path, _: Assembly) -> None:
     """As `resfit view --screenshot` draws it."""
-    from resfit.viewer.scene.probe import prepare
+    from resfit.viewer.open_view import save_screenshot
+    from resfit.viewer.scene.opengl_check import prepare
     from resfit.viewer.scene.request import Request
-    from resfit.viewer.show import save_screenshot
 
     prepare(True)
     save_screenshot(Request([path], show=["labels"], size=(320, 240)), path.with_name("p.png"))

@@ -22,7 +22,7 @@ from fuzz.commands import FILES, digests, leftovers
 from fuzz.harness import Campaign, Case, Wrong
 
 if TYPE_CHECKING:
-    from resfit.result.result import FitResult
+    from resfit.result.fit_result import FitResult
 
 EVENTS = {
     "os.rename", "os.remove", "os.mkdir", "os.rmdir", "shutil.rmtree", "open", "os.link", "os.symlink", "ctypes.dlsym",

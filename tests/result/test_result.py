@@ -20,9 +20,9 @@ from resfit.errors import AssemblyError, InputError
 from resfit.fitter.config import preset_config
 from resfit.fitter.outcome import Status
 from resfit.kernels.rows import BLEND, ROW, SHAPES, TRANSLATION
+from resfit.result.fit_result import FitResult
 from resfit.result.folder import OURS, check_folder, holds_fit
 from resfit.result.measure import part_gains
-from resfit.result.result import FitResult
 
 WRITTEN = sorted(OURS)
 
@@ -188,7 +188,7 @@ def test_failure_leaves_nothing_half_written(
 
     result.save(tmp_path / "old")
     before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
-    monkeypatch.setattr("resfit.result.result.export_assembly", full)
+    monkeypatch.setattr("resfit.result.fit_result.export_assembly", full)
     for name in ("old", "new"):
         with pytest.raises(InputError, match="No space left"):
             result.save(tmp_path / name)

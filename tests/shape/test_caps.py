@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from resfit.shape.caps import cap_holes
+from resfit.shape.hole_filling import cap_holes
 
 
 def open_tube(*removed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,15 +12,15 @@ from work import calls_of
 
 import resfit
 from resfit.fitter.config import FitConfig
-from resfit.fitter.regularise.placement import matrix_of, move_rows, multiply, quaternion_of, rescale_rows
+from resfit.fitter.pipeline import takes_apart
+from resfit.fitter.regularise.rigid_motion import matrix_of, move_rows, multiply, quaternion_of, rescale_rows
 from resfit.fitter.search.per_part import choose_pieces, fit_parts, name_primitives
-from resfit.fitter.stages import takes_apart
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
-from resfit.shape.copies import find_copies
 from resfit.shape.parts import Piece, _names_of_nodes, piece_target, split_target
+from resfit.shape.repeated_parts import find_copies
 from resfit.shape.target import Target, make_target
 from resfit.shape.topology import label_touching
 

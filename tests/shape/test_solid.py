@@ -10,9 +10,9 @@ from trimesh import creation
 from work import calls_of
 
 from resfit.assembly.transform import Transform
-from resfit.shape.boundary import OFFSET, _beside_others
 from resfit.shape.grid import distance_grid
 from resfit.shape.load import load_mesh
+from resfit.shape.outer_surface import OFFSET, _beside_others
 from resfit.shape.solid import SHEET_THICKNESS, decide_solid
 from resfit.shape.solid_query import SolidQuery
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from resfit.shape.wording import Findings, name_kind, write_sentence
+from resfit.shape.summary import Findings, name_kind, write_sentence
 
 NOTHING: dict[str, Any] = {
     "bodies": 1, "open_bodies": 0, "cavities": 0, "turned_faces": 0, "inverted_bodies": 0, "overlaps": False,

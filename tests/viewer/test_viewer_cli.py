@@ -15,8 +15,8 @@ from viewer_scenes import chain, need_drawing
 
 from resfit.cli import main
 from resfit.viewer.model.documents import open_documents
-from resfit.viewer.scene import probe
-from resfit.viewer.scene.probe import finish_child, start_child
+from resfit.viewer.scene import opengl_check
+from resfit.viewer.scene.opengl_check import finish_child, start_child
 
 
 @pytest.fixture
@@ -130,7 +130,7 @@ def test_where_nothing_can_be_drawn_the_packages_are_named(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(probe, "CODE", code)
+    monkeypatch.setattr(opengl_check, "CODE", code)
     result, said = view(capsys, folder, "--screenshot", tmp_path / "a.png")
     assert result == 2 and reason in said and "libx11-6 libegl1 libgl1" in said and "A.html" in said
     assert said.count("\n") == 1
@@ -146,10 +146,12 @@ def test_a_child_that_takes_too_long_is_ended() -> None:
 def test_headless_drawing_needs_no_x_server(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(os, "environ", {})
-    assert probe.render_environment(off_screen=True) == {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
-    assert probe.render_environment(off_screen=False) == {}
+    assert opengl_check.render_environment(off_screen=True) == {
+        "VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"
+    }
+    assert opengl_check.render_environment(off_screen=False) == {}
     os.environ["DISPLAY"] = ":0"
-    assert probe.render_environment(off_screen=True) == {}
+    assert opengl_check.render_environment(off_screen=True) == {}
 
 
 @pytest.mark.parametrize(

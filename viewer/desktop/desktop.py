@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..model.edits import PartRef
+from ..model.edit_session import PartRef
 from ..model.poses import pose_matrix
 from ..scene.arrangement import Placed
 from ..scene.controller import Controller
+from ..scene.plotter import is_software, smooth
 from ..scene.scene import Scene
-from ..scene.stage import is_software, smooth
 from .gizmo import Gizmo, Handle, Ray, dragged
 from .panel import Panel
 from .panel_layout import WIDTH, Spot, lay_out, list_rows, slider_value

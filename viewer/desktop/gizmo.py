@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..scene.camera import OrbitCamera
-from ..scene.stage import Plotter
+from ..scene.plotter import Plotter
 
 SHARE = 0.125
 """Size of the handles as a share of the camera's distance: the same on the screen however near."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...assembly.colors import rgb
-from ..scene.stage import Plotter
+from ..scene.plotter import Plotter
 from .panel_layout import Drawing, Shape, Text
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from ...kernels.primitives import FAMILIES
 from ..model.commands import COMMAND_OF, COMMANDS
-from ..model.edits import PartRef
+from ..model.edit_session import PartRef
 from ..model.parameters import Slider
 from ..scene.controller import Controller
 

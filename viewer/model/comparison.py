@@ -13,8 +13,8 @@ import numpy as np
 from ...assembly.assembly import Assembly
 from ...assembly.surface import Surface
 from ...assembly.transform import Transform
-from ...eval.metrics.metrics import RESOLUTION, intersection_over_union
-from ...kernels.field.field import evaluate_assembly, evaluate_grid
+from ...eval.metrics.assembly_metrics import RESOLUTION, intersection_over_union
+from ...kernels.field.evaluate import evaluate_assembly, evaluate_grid
 from ...kernels.runtime.launch import choose_device
 from ...shape.load import load_mesh
 from ...shape.loaded_mesh import LoadedMesh

@@ -14,15 +14,15 @@ from resfit.errors import InputError
 from ..desktop.panel import Panel
 from ..desktop.panel_layout import Drawing
 from ..model.comparison import Comparison
-from ..model.view import View
+from ..model.view_options import View
 from ..scene.camera import OrbitCamera
-from ..scene.probe import finish_probe, require, start_probe
+from ..scene.opengl_check import finish_probe, require, start_probe
+from ..scene.plotter import Plotter, make_plotter, smooth
 from ..scene.request import Request, check_compared, first_view, open_session, read_camera
 from ..scene.scene import Scene
-from ..scene.stage import Plotter, make_plotter, smooth
+from .interpolate import tween
 from .playback import Frame, Stage, load_playback
-from .step_scene import PANEL_LAYER, StepScene, paint_caption, paint_line
-from .tween import tween
+from .playback_scene import PANEL_LAYER, StepScene, paint_caption, paint_line
 from .video import check_film, write_film
 
 Motion = Literal["optimisation", "explode", "turntable"]

@@ -13,12 +13,12 @@ from ..desktop.desktop import NAMES, TICK
 from ..desktop.panel import Panel
 from ..desktop.panel_layout import ACCENT, LINE, MUTED, PAPER, TRACK, Drawing, Text
 from ..model.commands import find_command
-from ..model.view import COMPARING, SWITCHES, switched
-from ..scene.probe import DisplayError, finish_probe, has_display, require, start_probe
+from ..model.view_options import COMPARING, SWITCHES, switched
+from ..scene.opengl_check import DisplayError, finish_probe, has_display, require, start_probe
+from ..scene.plotter import Plotter, is_software, make_plotter, smooth
 from ..scene.request import Request, check_compared, first_view, open_session, read_camera
-from ..scene.stage import Plotter, is_software, make_plotter, smooth
 from .playback import Frame, load_playback
-from .step_scene import PANEL_LAYER, StepScene, paint_caption
+from .playback_scene import PANEL_LAYER, StepScene, paint_caption
 
 SIZE = (1120, 780)
 STEP_SECONDS = 0.7

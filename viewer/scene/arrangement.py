@@ -12,9 +12,9 @@ from ...assembly.primitive import Pose, Vector
 from ...assembly.transform import Transform
 from ...kernels.field.bounds import primitive_bounds
 from ..model.comparison import Comparison
-from ..model.edits import EditSession
+from ..model.edit_session import EditSession
 from ..model.poses import to_vector
-from ..model.view import View
+from ..model.view_options import View
 
 GAP = 0.08
 """Between things that stand side by side, scene units."""

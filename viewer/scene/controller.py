@@ -18,11 +18,11 @@ from ...assembly.primitive import Primitive, shown
 from ...exports.by_suffix import check_path, export_assembly
 from ..model.commands import COMMAND_OF, COMMANDS, Command, find_command
 from ..model.documents import Document
-from ..model.edits import PartRef, State
-from ..model.entry import Entry
+from ..model.edit_session import PartRef, State
 from ..model.parameters import Slider
 from ..model.poses import to_vector
-from ..model.view import COMPARING, SWITCHES, TOGGLES, is_on, switched
+from ..model.text_entry import Entry
+from ..model.view_options import COMPARING, SWITCHES, TOGGLES, is_on, switched
 from .scene import Scene
 
 FIRST_FAMILY = "superfrustum"

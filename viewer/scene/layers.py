@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ...kernels.field.bounds import assembly_bounds
-from ..model.view import View
+from ..model.view_options import View
 from .arrangement import Arrangement, Placed
+from .plotter import INK, Plotter, to_poly
 from .section import PlanePicture, cut_face, distance_bands
-from .stage import INK, Plotter, to_poly
 
 MISSING, EXCESS = "#d1495b", "#3b6ea8"
 """Colours of what the assembly lacks and of what it has too much."""

@@ -10,11 +10,12 @@ import numpy as np
 
 from ...assembly.assembly import Assembly
 from ...assembly.primitive import Primitive
-from ..model.edits import PartRef
+from ..model.edit_session import PartRef
 from ..model.poses import pose_matrix
-from ..model.view import View
+from ..model.view_options import View
 from .arrangement import Arrangement, Placed
-from .live_surface import (
+from .plotter import INK, Plotter, to_edges, to_poly
+from .surface_cache import (
     LIVE_CELLS,
     LIVE_UNION_CELLS,
     PART_CELLS,
@@ -23,7 +24,6 @@ from .live_surface import (
     joined_surface,
     shape_key,
 )
-from .stage import INK, Plotter, to_edges, to_poly
 
 ACCENT = "#e0780a"
 """Edges of the part that is selected."""

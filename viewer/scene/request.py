@@ -11,8 +11,8 @@ from resfit.errors import InputError
 
 from ..model.comparison import Comparison
 from ..model.documents import Document, open_documents
-from ..model.edits import EditSession
-from ..model.view import COMPARING, TOGGLES, View
+from ..model.edit_session import EditSession
+from ..model.view_options import COMPARING, TOGGLES, View
 from .camera import OrbitCamera
 
 LESS = {"parts": "joined", "plain": "edges"}

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..model.comparison import Comparison
-from ..model.edits import EditSession, PartRef
-from ..model.view import View
+from ..model.edit_session import EditSession, PartRef
+from ..model.view_options import View
 from .arrangement import Arrangement, arrange
 from .camera import OrbitCamera
 from .layers import Layers
-from .live_surface import PART_CELLS
 from .part_actors import PartActors
-from .stage import Plotter
+from .plotter import Plotter
+from .surface_cache import PART_CELLS
 
 
 class Scene:

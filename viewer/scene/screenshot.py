@@ -12,11 +12,11 @@ from resfit.errors import InputError
 
 from ...assembly.atomic_write import replacing
 from ..model.comparison import Comparison
-from ..model.edits import EditSession
-from ..model.view import View
+from ..model.edit_session import EditSession
+from ..model.view_options import View
 from .camera import OrbitCamera
+from .plotter import Plotter, make_plotter, smooth
 from .scene import Scene
-from .stage import Plotter, make_plotter, smooth
 
 MAX_SIDE = 8192
 """Pixels: more than graphics drivers promise."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...assembly.assembly import Assembly
-from ...kernels.field.field import evaluate_assembly, evaluate_primitives
-from .live_surface import blended_colors
+from ...kernels.field.evaluate import evaluate_assembly, evaluate_primitives
+from .surface_cache import blended_colors
 
 PIXELS = 256
 """Along the longer side of a plane's picture; 48 while something is dragged would show steps."""

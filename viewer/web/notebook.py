@@ -74,11 +74,11 @@ async def show(
     require_web()
     from ..model.comparison import Comparison
     from ..model.documents import Document, open_documents
-    from ..model.edits import EditSession
+    from ..model.edit_session import EditSession
     from ..scene.controller import Controller
-    from ..scene.probe import probe_rendering, require
+    from ..scene.opengl_check import probe_rendering, require
+    from ..scene.plotter import make_plotter
     from ..scene.scene import Scene
-    from ..scene.stage import make_plotter
     from .serve import PageServer
 
     mesh = None if target is None else Path(target)

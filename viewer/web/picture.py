@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..scene.plotter import is_software, smooth
 from ..scene.scene import Scene
-from ..scene.stage import is_software, smooth
 
 SMALLEST, LARGEST = 64, 2560
 """Pixels a side."""

@@ -14,9 +14,9 @@ from ...assembly.assembly import Assembly
 from ...assembly.primitive import shown
 from ...kernels.primitives import FAMILIES
 from ..model.commands import COMMAND_OF, Command
-from ..model.edits import PartRef
+from ..model.edit_session import PartRef
 from ..model.parameters import Slider
-from ..model.view import COMPARING
+from ..model.view_options import COMPARING
 from ..scene.controller import Controller
 
 ELSEWHERE = ("gizmo", "rename", "export", "screenshot", "help", "quit")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..model.edits import EditSession
+from ..model.edit_session import EditSession
 from ..playback.playback import Frame, load_playback
 from ..scene.controller import Controller
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from resfit.errors import ResfitError
 from resfit.extras import command_for, requirements, run_command
-from resfit.viewer.scene.probe import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
+from resfit.viewer.scene.opengl_check import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
 
 CHILD_SECONDS = SECONDS
 
@@ -165,11 +165,11 @@ def _kernels(device: str) -> str:
 
 
 def _warm(device: str) -> str:
+    from resfit.kernels.precompile import precompile_kernels
     from resfit.kernels.runtime.launch import choose_device
-    from resfit.kernels.warm import warm_kernels
 
     begin = time.perf_counter()
-    warm_kernels(choose_device(device))
+    precompile_kernels(choose_device(device))
     return f"every kernel is compiled; {time.perf_counter() - begin:.1f} s"
 
 

@@ -45,7 +45,7 @@ def compare(
     from resfit.eval.batch.compare import Comparison, check_methods, check_out, run_comparison
     from resfit.eval.batch.datasets import find_shapes, select_diverse
     from resfit.eval.methods import split_methods
-    from resfit.eval.report.report import FILES, write_report
+    from resfit.eval.report.comparison import FILES, write_report
 
     known = known_methods()
     if methods == "help":
@@ -108,7 +108,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
     Args:
         rows: of the comparison.
     """
-    from resfit.eval.report.report_tables import tables_of
+    from resfit.eval.report.tables import tables_of
 
     tables = tables_of(rows)
     if not tables:

@@ -15,11 +15,11 @@ from resfit.cli.terminal import printable, summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
 from resfit.result.folder import OURS, PARETO, check_folder, holds_fit
-from resfit.shape.reader import reading
+from resfit.shape.background_load import reading
 
 if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
-    from resfit.result.result import FitResult
+    from resfit.result.fit_result import FitResult
 
 
 def run_fit(

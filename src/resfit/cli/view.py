@@ -76,8 +76,8 @@ def view(
     if not web and (host, port) != (LOCALHOST, 0):
         raise InputError("--host and --port are of the page; they need --web.")
     paths = [assembly_file(path) for path in assemblies]
+    from resfit.viewer.open_view import open_page, open_window, save_screenshot
     from resfit.viewer.scene.request import Request
-    from resfit.viewer.show import open_page, open_window, save_screenshot
 
     request = Request(
         paths=paths,

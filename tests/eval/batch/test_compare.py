@@ -20,8 +20,8 @@ from resfit.eval import methods
 from resfit.eval.batch import compare
 from resfit.eval.batch.child import run_measured
 from resfit.eval.batch.compare import check_methods, find_output, read_rows
-from resfit.eval.report.report_plot import Scale, front, make_marks, pareto_svg
-from resfit.eval.report.report_tables import latex, markdown, shared, tables_of
+from resfit.eval.report.plot import Scale, front, make_marks, pareto_svg
+from resfit.eval.report.tables import latex, markdown, shared, tables_of
 
 STAND_IN = """
 import shutil, sys, time

@@ -10,7 +10,7 @@ from resfit.eval.methods.marching_fit import FAMILY
 from resfit.eval.methods.marching_levels import MarchingConfig, march
 from resfit.eval.methods.marching_primitives import readme_grid
 from resfit.eval.methods.marching_regions import region_candidates, regions_below
-from resfit.kernels.field.field import cell_centres, evaluate_grid
+from resfit.kernels.field.evaluate import cell_centres, evaluate_grid
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, empty_rows
 

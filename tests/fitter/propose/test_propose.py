@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from resfit.decomposition.region import Region, region_from_mask
 from resfit.fitter.config import FitStage, ProposeConfig
-from resfit.fitter.propose.propose import fit_regions, seed_regions
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.fitter.propose.candidates import fit_regions, seed_regions
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import ROTATION, SHAPES, TRANSLATION

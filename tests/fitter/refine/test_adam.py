@@ -13,7 +13,7 @@ from resfit.fitter.refine.adam import refine_with_adam
 from resfit.fitter.refine.adam_loss import fold_prefixes, unfold
 from resfit.fitter.refine.sweep_axis import SweepAxes, turned_copies
 from resfit.kernels.field.combine import fold
-from resfit.kernels.field.field import evaluate_grid, evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_grid, evaluate_primitives
 from resfit.kernels.field.points import point_blocks
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family

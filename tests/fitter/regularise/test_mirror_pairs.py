@@ -8,7 +8,7 @@ import trimesh
 import warp as wp
 
 from resfit.fitter.config import preset_config
-from resfit.fitter.objective.judge import Judge
+from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.regularise.mirror_pairs import MOST_FALL, mirror_pairs
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, ROTATION, SHAPES, TRANSLATION, empty_rows
@@ -41,18 +41,18 @@ def rough(target: Target, scale: float, far: float = AT) -> np.ndarray:
 
 
 @pytest.fixture
-def judged(device: wp.Device) -> tuple[Target, Judge]:
+def judged(device: wp.Device) -> tuple[Target, CachedObjective]:
     target = make_target(cart(), device, 64, 4000)
-    return target, Judge(target, preset_config("balanced"), device)
+    return target, CachedObjective(target, preset_config("balanced"), device)
 
 
-def test_the_better_of_two_is_copied(judged: tuple[Target, Judge]) -> None:
-    target, judge = judged
+def test_the_better_of_two_is_copied(judged: tuple[Target, CachedObjective]) -> None:
+    target, cached_objective = judged
     rows = rough(target, target.transform.scale)
-    found = mirror_pairs(rows, target, judge)
+    found = mirror_pairs(rows, target, cached_objective)
     (copy,) = found.copies
     assert {copy.source, copy.index} == {1, 2} and np.linalg.det(copy.turn) < 0
-    assert judge.objective(found.rows) >= judge.objective(rows) - MOST_FALL
+    assert cached_objective.objective(found.rows) >= cached_objective.objective(rows) - MOST_FALL
     left, right = found.rows[1], found.rows[2]
     assert np.array_equal(left[SHAPES : SHAPES + 3], right[SHAPES : SHAPES + 3])
     plane = 2.0 * float(target.transform.to_normalised([[0.0, 0.0, 0.0]])[0, 0])
@@ -62,9 +62,9 @@ def test_the_better_of_two_is_copied(judged: tuple[Target, Judge]) -> None:
 
 def test_what_is_not_symmetric_stays(device: wp.Device) -> None:
     target = make_target(cart(0.75), device, 64, 4000)
-    judge = Judge(target, preset_config("balanced"), device)
+    cached_objective = CachedObjective(target, preset_config("balanced"), device)
     rows = rough(target, target.transform.scale, 0.75)
-    found = mirror_pairs(rows, target, judge)
+    found = mirror_pairs(rows, target, cached_objective)
     # Across z it is symmetric: wheels are set straight, but neither becomes the other.
     assert not found.copies
     assert np.array_equal(found.rows[:, TRANSLATION], rows[:, TRANSLATION])

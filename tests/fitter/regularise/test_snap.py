@@ -14,13 +14,13 @@ import warp as wp
 import resfit
 import resfit.cli
 from resfit.fitter.config import FitConfig
-from resfit.fitter.objective.judge import Judge
+from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.regularise.canonical import canonical_changes, is_box
-from resfit.fitter.regularise.draft import WHOLE_FALL, Claim, Draft
+from resfit.fitter.regularise.constraints import Constraints, Copied, symmetric_row
 from resfit.fitter.regularise.relations import Relation, sum_up
 from resfit.fitter.regularise.snap import snap
 from resfit.fitter.regularise.symmetry import find_symmetries
-from resfit.fitter.regularise.ties import Copied, Ties, symmetric_row
+from resfit.fitter.regularise.transaction import WHOLE_FALL, Claim, Transaction
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from resfit.shape.target import Target, make_target
@@ -85,8 +85,8 @@ def test_a_table_becomes_regular(target: Target, device: wp.Device, rng: np.rand
     config, rough = FitConfig(preset="fast"), rough_table(rng)
     regular = snap(rough, target, config, device)
     rows, relations = regular.rows, regular.relations
-    judge = Judge(target, config, device)
-    assert judge.objective(rows) >= judge.objective(rough) - WHOLE_FALL
+    cached_objective = CachedObjective(target, config, device)
+    assert cached_objective.objective(rows) >= cached_objective.objective(rough) - WHOLE_FALL
     assert len(rows) == 5
     for row in rows:
         assert is_box(row, "superfrustum")
@@ -113,7 +113,7 @@ def test_a_missing_leg_grows(target: Target, device: wp.Device, rng: np.random.G
 
 def test_what_costs_too_much_is_not_done(target: Target, device: wp.Device, rng: np.random.Generator) -> None:
     rows = rough_table(rng)
-    draft = Draft(rows, Judge(target, FitConfig(preset="fast"), device), Ties())
+    transaction = Transaction(rows, CachedObjective(target, FitConfig(preset="fast"), device), Constraints())
     claim = Claim("size", (0, 1), "all", lambda rows: 0.0)
 
     def flatten(rows: np.ndarray) -> np.ndarray:
@@ -124,9 +124,9 @@ def test_what_costs_too_much_is_not_done(target: Target, device: wp.Device, rng:
         rows[0, TRANSLATION] = -rows[0, TRANSLATION]
         return rows
 
-    assert not draft.attempt(flatten, claim) and not draft.attempt(toggle, claim)
-    assert draft.claims == [] and draft.rows is rows
-    assert draft.attempt(lambda rows: rows, claim) and len(draft.relations()) == 1
+    assert not transaction.attempt(flatten, claim) and not transaction.attempt(toggle, claim)
+    assert transaction.claims == [] and transaction.rows is rows
+    assert transaction.attempt(lambda rows: rows, claim) and len(transaction.relations()) == 1
 
 
 def test_canonical_changes_are_small_and_end() -> None:
@@ -152,11 +152,11 @@ def test_canonical_changes_are_small_and_end() -> None:
 def test_ties_hold_and_do_not_creep(rng: np.random.Generator) -> None:
     mirror = np.diag([-1.0, 1.0, 1.0])
     rows = rough_table(rng)
-    ties = Ties((Copied(1, 3, mirror, np.zeros(3)),), {0: ((mirror, np.zeros(3)),)})
-    tied = ties.complete(rows, ["superfrustum"] * 5)
-    np.testing.assert_array_equal(ties.complete(tied, ["superfrustum"] * 5), tied)
+    constraints = Constraints((Copied(1, 3, mirror, np.zeros(3)),), {0: ((mirror, np.zeros(3)),)})
+    tied = constraints.complete(rows, ["superfrustum"] * 5)
+    np.testing.assert_array_equal(constraints.complete(tied, ["superfrustum"] * 5), tied)
     assert tied[3, TRANSLATION] == -tied[1, TRANSLATION] and tied[0, TRANSLATION] == 0.0
-    assert ties.free(5) == [0, 1, 2, 4] and ties.followers(1) == [1, 3]
+    assert constraints.free(5) == [0, 1, 2, 4] and constraints.followers(1) == [1, 3]
     moved = symmetric_row(rows[0], "superfrustum", ((mirror, np.zeros(3)),))
     assert abs(float(moved[ROTATION + 2])) < 1e-6 and abs(float(moved[ROTATION + 3])) < 1e-6
 

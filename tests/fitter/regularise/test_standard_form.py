@@ -9,9 +9,9 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from resfit.fitter.config import preset_config
-from resfit.fitter.objective.judge import Judge
+from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.regularise.standard_form import _plainest_pose, _without_extent, standard_forms
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES, family
 from resfit.kernels.rows import ROTATION, SHAPES, empty_rows
@@ -105,11 +105,11 @@ def test_a_ring_has_no_wall(rng: np.random.Generator, device: wp.Device) -> None
 def test_what_would_cost_stays(device: wp.Device) -> None:
     target = make_target(trimesh.creation.box((1.0, 1.4, 1.8)), device, 64)
     config = preset_config("fast")
-    judge = Judge(target, config, device)
+    cached_objective = CachedObjective(target, config, device)
     tapered = row_of("superfrustum", np.array([1.0, 0, 0, 0]), size=(1.0, 1.4, 1.8), taper=0.986)
     box = row_of("superfrustum", np.array([1.0, 0, 0, 0]), size=(1.0, 1.4, 1.8), taper=0.7)
-    rows = standard_forms(np.stack([tapered, box]), judge)
+    rows = standard_forms(np.stack([tapered, box]), cached_objective)
     taper = SHAPES + family("superfrustum").columns("taper").start
     assert rows[1, taper] == np.float32(0.7)
-    assert judge.objective(rows) >= judge.objective(np.stack([tapered, box])) - 1e-3
-    assert len(standard_forms(rows[:0], judge)) == 0
+    assert cached_objective.objective(rows) >= cached_objective.objective(np.stack([tapered, box])) - 1e-3
+    assert len(standard_forms(rows[:0], cached_objective)) == 0

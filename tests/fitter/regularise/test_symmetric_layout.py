@@ -7,7 +7,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from resfit.fitter.objective.judge import Judge
+from resfit.fitter.objective.cached import CachedObjective
+from resfit.fitter.regularise.constraints import Constraints
 from resfit.fitter.regularise.symmetric_layout import (
     Layout,
     copy_across,
@@ -17,7 +18,6 @@ from resfit.fitter.regularise.symmetric_layout import (
     without_idle,
 )
 from resfit.fitter.regularise.symmetry import Symmetry
-from resfit.fitter.regularise.ties import Ties
 from resfit.kernels.rows import SHAPES, TRANSLATION, empty_rows
 
 LINE = np.linspace(-0.975, 0.975, 40)
@@ -50,8 +50,8 @@ def boxes(*places: tuple[float, float, float]) -> np.ndarray:
     return rows
 
 
-def judge_of(rows: np.ndarray) -> Judge:
-    return cast(Judge, Boxes(rows))
+def judge_of(rows: np.ndarray) -> CachedObjective:
+    return cast(CachedObjective, Boxes(rows))
 
 
 def plane(axis: int) -> Symmetry:
@@ -84,8 +84,8 @@ def test_a_plane_off_the_origin_shifts() -> None:
 def test_images_that_match_are_tied_exactly() -> None:
     rows = boxes((0.5, 0.0, 0.0), (-0.52, 0.03, 0.0), (0.02, 0.6, 0.0))
     layout = lay_out(rows, motions_of([plane(0)]), judge_of(rows), set())
-    assert [(copy.source, copy.index) for copy in layout.ties.copies] == [(0, 1)]
-    assert set(layout.ties.astride) == {2} and layout.alone == ()
+    assert [(copy.source, copy.index) for copy in layout.constraints.copies] == [(0, 1)]
+    assert set(layout.constraints.astride) == {2} and layout.alone == ()
     np.testing.assert_array_equal(layout.rows[1, PLACE], [-0.5, 0.0, 0.0])
     # What lies across the plane comes to lie in its middle.
     np.testing.assert_allclose(layout.rows[2, PLACE], [0.0, 0.6, 0.0], atol=1e-7)
@@ -109,7 +109,7 @@ def test_a_missing_partner_is_made_or_the_part_dropped() -> None:
 def test_fixed_parts_stay_out_of_it() -> None:
     rows = boxes(*FOUR)
     layout = lay_out(rows, motions_of([plane(0)]), judge_of(rows), {0, 2})
-    assert [(copy.source, copy.index) for copy in layout.ties.copies] == [(1, 3)]
+    assert [(copy.source, copy.index) for copy in layout.constraints.copies] == [(1, 3)]
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -129,8 +129,8 @@ def test_idle_parts_go_with_their_copies() -> None:
     layout = lay_out(rows, motions_of([plane(0), plane(1)]), judge_of(rows), set())
     left = without_idle(layout, judge_of(rows[:2]))
     np.testing.assert_allclose(np.abs(left.rows[:, PLACE]), [[0.6, 0.0, 0.0]] * 2)
-    assert [(copy.source, copy.index) for copy in left.ties.copies] == [(0, 1)]
+    assert [(copy.source, copy.index) for copy in left.constraints.copies] == [(0, 1)]
     whole = without_idle(layout, judge_of(rows))
     assert whole is layout
-    one = Layout(rows[:1], Ties(), (), (0,))
+    one = Layout(rows[:1], Constraints(), (), (0,))
     assert without_idle(one, judge_of(rows[2:])) is one

@@ -9,10 +9,10 @@ import warp as wp
 
 import resfit
 from resfit.fitter.config import preset_config
-from resfit.fitter.objective.judge import Judge
+from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.outcome import Status
+from resfit.fitter.search.pareto import remove_down_to
 from resfit.fitter.search.reduction import Reduction
-from resfit.fitter.search.trade_off import remove_down_to
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import SHAPE, SHAPES, TRANSLATION, empty_rows
 from resfit.shape.target import Target, make_target
@@ -46,15 +46,15 @@ def target() -> Target:
 
 def test_one_part_takes_the_place_of_two(target: Target) -> None:
     device, rows = wp.get_device("cpu"), three_rows(target)
-    judge = Judge(target, FAST, device)
-    cut = rows[remove_down_to(judge.values(rows), judge, 2)]
+    cached_objective = CachedObjective(target, FAST, device)
+    cut = rows[remove_down_to(cached_objective.values(rows), cached_objective, 2)]
     reduction = Reduction(rows, target, FAST, device)
     reduction.step()
     assert len(reduction.rows) == 2
     before = reduction.rows
     best = reduction.improved(2)
-    assert len(best) == 2 and judge.objective(best) >= judge.objective(before)
-    assert judge.score(best).recovery > 0.95 > 0.9 > judge.score(cut).recovery
+    assert len(best) == 2 and cached_objective.objective(best) >= cached_objective.objective(before)
+    assert cached_objective.score(best).recovery > 0.95 > 0.9 > cached_objective.score(cut).recovery
     # What is found for one number leaves no trace in what is found for another.
     assert reduction.rows is before and reduction.improved(2).tobytes() == best.tobytes()
 

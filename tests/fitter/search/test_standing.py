@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import resfit
 from resfit.fitter.config import preset_config
 from resfit.fitter.search.standing import fit_standing, stand
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.shape.manhattan_frame import manhattan_frame
 from resfit.shape.target import make_target

@@ -10,7 +10,7 @@ import warp as wp
 
 from resfit.fitter.objective.objective import SEARCH_OVERLAP_PRICE, ObjectiveSamples, Tally
 from resfit.fitter.select.cover import Cover
-from resfit.kernels.select.occupancy import hold
+from resfit.kernels.select.coverage_sets import hold
 
 ALPHA = 0.01
 

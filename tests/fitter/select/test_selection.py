@@ -9,14 +9,14 @@ import pytest
 
 from resfit.fitter.config import SelectConfig
 from resfit.fitter.objective.objective import SEARCH_OVERLAP_PRICE, ObjectiveSamples, Tally
-from resfit.fitter.select.chooser import Chooser
-from resfit.fitter.select.select import prune, select
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.fitter.select.greedy_cover import GreedyCover
+from resfit.fitter.select.selection import prune, select
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.rows import ROTATION, SHAPES, empty_rows
 from resfit.kernels.runtime import launch as launching
-from resfit.kernels.select.inside import InsideTest
-from resfit.kernels.select.occupancy import hold, masks_of
+from resfit.kernels.select.containment import PointContainment
+from resfit.kernels.select.coverage_sets import hold, masks_of
 
 
 def line_samples(rng, count=4000):
@@ -55,19 +55,19 @@ def test_common_points_are_counted_exactly(device, rng, monkeypatch):
     asked = [0, 5, 31, 32, 99]
     for cores in (1, 2):
         monkeypatch.setattr(launching, "core_count", lambda cores=cores: cores)
-        holdings = hold(bits[:100], device)
-        np.testing.assert_array_equal(holdings.common(asked), common[asked, :100])
-        holdings.append(masks_of(~bits))
-        assert holdings.common([0])[0, 100] == 0
-        holdings.truncate(100)
-        holdings.append(masks_of(bits[100:]))
-        np.testing.assert_array_equal(holdings.common(asked), common[asked])
+        coverage = hold(bits[:100], device)
+        np.testing.assert_array_equal(coverage.common(asked), common[asked, :100])
+        coverage.append(masks_of(~bits))
+        assert coverage.common([0])[0, 100] == 0
+        coverage.truncate(100)
+        coverage.append(masks_of(bits[100:]))
+        np.testing.assert_array_equal(coverage.common(asked), common[asked])
         other = hold(bits[:3], device)
-        other.append_from(holdings, np.array([129, 40]))
+        other.append_from(coverage, np.array([129, 40]))
         np.testing.assert_array_equal(other.common([0, 3]), common[np.ix_([0, 129], [0, 1, 2, 129, 40])])
-        holdings.drop_first(70)
-        np.testing.assert_array_equal(holdings.common([0, 59]), common[[70, 129], 70:])
-        np.testing.assert_array_equal(holdings.sizes, bits[70:].sum(1))
+        coverage.drop_first(70)
+        np.testing.assert_array_equal(coverage.common([0, 59]), common[[70, 129], 70:])
+        np.testing.assert_array_equal(coverage.sizes, bits[70:].sum(1))
 
 
 def test_points_in_primitives(device, rng):
@@ -80,7 +80,7 @@ def test_points_in_primitives(device, rng):
     rows[:, SHAPES + 5] = 1.0
     rows[::2, SHAPES + 6] = rng.uniform(-1, 1, 20)
     primitives = PrimitiveSet(rows, ["superfrustum"] * 40, device)
-    masks = InsideTest(points, device).masks(primitives)
+    masks = PointContainment(points, device).masks(primitives)
     inside = evaluate_primitives(primitives, points) < 0
     assert inside.sum(1).min() < 10 and inside.sum(1).max() > 100
     np.testing.assert_array_equal(masks, masks_of(inside))
@@ -91,7 +91,7 @@ def test_gains_stay_those_of_the_definition(device, rng):
     samples = line_samples(rng)
     edges = np.sort(rng.uniform(-1, 1, (25, 2)), axis=1)
     bits, tally, alpha = spans(samples, edges), Tally(samples), 1e-3
-    choice = Chooser(hold(bits, device), tally, alpha)
+    choice = GreedyCover(hold(bits, device), tally, alpha)
     for index in (3, 7, 11, 2, 19):
         choice.add(index)
     choice.remove(11)
@@ -116,7 +116,7 @@ def test_replacements_are_those_of_the_definition(device, rng):
     samples = line_samples(rng)
     edges = np.sort(rng.uniform(-1, 1, (60, 2)), axis=1)
     bits, tally, alpha = spans(samples, edges), Tally(samples), 2e-3
-    choice = Chooser(hold(bits, device), tally, alpha)
+    choice = GreedyCover(hold(bits, device), tally, alpha)
     for index in range(40):
         choice.add(index)
     before, counts = choice.score(), choice.counts.save()[0]

@@ -11,11 +11,11 @@ import trimesh
 import warp as wp
 
 from resfit.kernels.contour import isosurface
-from resfit.kernels.contour.cell_patches import EDGE_ENDS, ambiguous_faces, cell_patches, face_links
+from resfit.kernels.contour.dual_contour_topology import EDGE_ENDS, ambiguous_faces, cell_patches, face_links
 from resfit.kernels.contour.isosurface import extract_isosurface
 from resfit.kernels.contour.part_isosurface import part_isosurface
 from resfit.kernels.field.bounds import primitive_bounds
-from resfit.kernels.field.field import evaluate_assembly, evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_assembly, evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
 from resfit.kernels.rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows

@@ -10,12 +10,12 @@ from scenes import random_rows
 from scipy.spatial.transform import Rotation
 
 from resfit.fitter.refine.first_order import to_raw
-from resfit.kernels.field.activation import activate_rows
 from resfit.kernels.field.adjoint import by_block, by_primitive, differentiable_assembly, differentiable_union
-from resfit.kernels.field.curve import curve_codes
-from resfit.kernels.field.field import evaluate_assembly, evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_assembly, evaluate_primitives
+from resfit.kernels.field.hilbert import curve_codes
 from resfit.kernels.field.points import point_blocks
 from resfit.kernels.field.primitive_set import PrimitiveSet
+from resfit.kernels.field.raw_parameters import activate_rows
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, GATE, ROW, SHAPES, empty_rows
 from resfit.kernels.runtime import launch as launching

@@ -8,8 +8,9 @@ import warp as wp
 from reference import primitive, union
 from scenes import random_rows, vectors
 
+from resfit.kernels.field.containment_count import count_containing
 from resfit.kernels.field.culling import active_lists, bound_blocks, cull, every_primitive
-from resfit.kernels.field.field import (
+from resfit.kernels.field.evaluate import (
     cell_centres,
     evaluate_assembly,
     evaluate_grid,
@@ -18,7 +19,6 @@ from resfit.kernels.field.field import (
     union_at,
 )
 from resfit.kernels.field.gradient import evaluate_gradient
-from resfit.kernels.field.holders import count_holders
 from resfit.kernels.field.points import grid_blocks, point_blocks
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
@@ -94,7 +94,7 @@ def test_holders_are_those_that_dense_evaluation_finds(device, rng):
         grid_blocks((40, 40, 40), (-1, -1, -1), 0.05, device),
     ):
         values = primitives_at(primitives, blocks).numpy().reshape(len(rows), -1)
-        found = count_holders(primitives, blocks, bound_blocks(blocks)).numpy()
+        found = count_containing(primitives, blocks, bound_blocks(blocks)).numpy()
         np.testing.assert_array_equal(found, (values < 0).sum(axis=0))
         assert found.max() > 1 and found.min() == 0
 

@@ -14,16 +14,16 @@ import capstone
 import pytest
 import warp as wp
 
-from resfit.kernels.field.field import field_kernels
+from resfit.kernels.field.adjoint_kernels import fold_kernels
+from resfit.kernels.field.containment_count import count_kernel
+from resfit.kernels.field.evaluate import field_kernels
 from resfit.kernels.field.gradient import gradient_kernel
-from resfit.kernels.field.holders import count_kernel
 from resfit.kernels.field.jacobian import jacobian_kernel
-from resfit.kernels.field.union_fold import fold_kernels
 from resfit.kernels.primitives import FAMILIES
+from resfit.kernels.refine.nearest_primitives import find_owners_kernel
 from resfit.kernels.refine.normal_equations import normal_equations_kernel
-from resfit.kernels.refine.ownership import find_owners_kernel
 from resfit.kernels.runtime import module_loading
-from resfit.kernels.select.inside import mask_kernel
+from resfit.kernels.select.containment import mask_kernel
 
 ARITHMETIC = re.compile(r"v?(?:add|sub|mul|div|sqrt|min|max|fn?m(?:add|sub)\d+)(ss|ps)")
 """Instructions of SSE, AVX and AVX-512: on one float (ss) or on as many as a vector holds (ps)."""

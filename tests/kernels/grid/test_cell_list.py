@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from resfit.kernels.grid.cell_list import all_blocks, flat_nonzero, split_blocks
+from resfit.kernels.grid.block_list import all_blocks, flat_nonzero, split_blocks
 
 
 def unpacked(blocks: wp.array) -> np.ndarray:

@@ -8,7 +8,7 @@ import trimesh
 import warp as wp
 
 from resfit.kernels.field.points import point_blocks
-from resfit.kernels.mesh.mesh_probe import winding_numbers
+from resfit.kernels.mesh.inside_points import winding_numbers
 from resfit.kernels.mesh.mesh_query import MeshQuery
 from resfit.kernels.mesh.solid_angles import summed_winding_numbers
 from resfit.kernels.runtime.launch import profiled

@@ -12,7 +12,7 @@ from glsl_page import EVALUATE, encoded
 
 from resfit.kernels.field.combine import DIFFERENCE, UNION, combined, combined_share
 from resfit.kernels.field.combine import GLSL as COMBINE_GLSL
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import SHAPE, SHAPES, empty_rows

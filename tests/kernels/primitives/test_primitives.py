@@ -8,7 +8,7 @@ from reference import FIELDS, superfrustum
 from scenes import DEGENERATE_SHAPES, random_rotation, special_points, vectors
 
 from resfit.errors import AssemblyError
-from resfit.kernels.field.field import evaluate_primitives
+from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.jacobian import jacobian
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES, family

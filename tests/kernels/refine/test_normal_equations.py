@@ -7,10 +7,10 @@ from reference import primitive, rotation_matrix
 from scenes import random_rows
 
 from resfit.kernels.field.primitive_set import PrimitiveSet
-from resfit.kernels.refine.loss import occupancy
+from resfit.kernels.refine.block_solve import RESIDUAL
 from resfit.kernels.refine.normal_equations import SYSTEM, normal_equations
-from resfit.kernels.refine.owned_points import owned_points, shared_points
-from resfit.kernels.refine.small_solve import RESIDUAL
+from resfit.kernels.refine.point_batches import point_batches, shared_points
+from resfit.kernels.refine.soft_occupancy import soft_occupancy
 from resfit.kernels.rows import ROTATION, SHAPES, TANGENT
 from resfit.kernels.runtime import launch as launching
 
@@ -46,7 +46,7 @@ def test_systems_agree_with_float64(device, rng):
     slope = rng.uniform(0.5, 1.0, count).astype(np.float32)
     widening = rng.uniform(-0.25, 0.0, count).astype(np.float32)
     primitives = PrimitiveSet(rows, FAMILIES, device)
-    owned = owned_points(points, owners, len(FAMILIES), target, weight, offset, slope, widening, device)
+    owned = point_batches(points, owners, len(FAMILIES), target, weight, offset, slope, widening, device)
     found = normal_equations(primitives, owned, betas)
     assert found.shape == (len(FAMILIES), SYSTEM, SYSTEM)
     assert not found[-1].any()
@@ -84,7 +84,7 @@ def test_shared_points_equal_points_of_their_own(device, rng):
     owners = np.repeat(np.arange(6), [len(copy) for copy in copies])
     every = np.concatenate(copies)
     own = normal_equations(
-        primitives, owned_points(points[every], owners, 6, target[every], device=device), 20.0
+        primitives, point_batches(points[every], owners, 6, target[every], device=device), 20.0
     )
     np.testing.assert_array_equal(shared, own)
 
@@ -97,7 +97,7 @@ def test_levenberg_steps_recover_a_moved_primitive(device, rng):
     points = rng.uniform(-1, 1, (6000, 3)).astype(np.float32)
     beta = 30.0
     target = primitive(points, rows[0].astype(np.float64), family[0])
-    owned = owned_points(points, np.zeros(len(points), int), 1, target, device=device)
+    owned = point_batches(points, np.zeros(len(points), int), 1, target, device=device)
     row = moved(rows[0], np.array([0.05, -0.04, 0.06, 0.1, -0.1, 0.1, 0.1, 0.1, -0.1, -0.2, 0, 0.2, -0.1, 0]))
     errors = []
     for _ in range(10):
@@ -120,7 +120,7 @@ def test_steep_points_do_not_rule_a_system(device, rng):
     theta = 0.8 * np.pi / 2
     centre = np.array([0.4 / np.tan(theta), 0.0, 0.0]) + 1e-6 * rng.normal(size=(500, 3))
     points = centre @ rotation_matrix(rows[0, ROTATION : ROTATION + 4]).T + rows[0, :3]
-    owned = owned_points(points, np.zeros(500, int), 1, np.zeros(500), device=device)
+    owned = point_batches(points, np.zeros(500, int), 1, np.zeros(500), device=device)
     found = normal_equations(PrimitiveSet(rows, ["superfrustum"], device), owned, 4.0)
     assert np.isfinite(found).all()
     assert np.abs(found).max() < 500 * 20**2
@@ -128,9 +128,9 @@ def test_steep_points_do_not_rule_a_system(device, rng):
 
 def test_no_points(device, rng):
     rows = random_rows(rng, FAMILIES)
-    owned = owned_points(np.zeros((0, 3)), np.zeros(0, int), len(FAMILIES), np.zeros(0), device=device)
+    owned = point_batches(np.zeros((0, 3)), np.zeros(0, int), len(FAMILIES), np.zeros(0), device=device)
     assert not normal_equations(PrimitiveSet(rows, FAMILIES, device), owned, 20.0).any()
-    empty = owned_points(np.zeros((0, 3)), np.zeros(0, int), 0, np.zeros(0), device=device)
+    empty = point_batches(np.zeros((0, 3)), np.zeros(0, int), 0, np.zeros(0), device=device)
     assert normal_equations(PrimitiveSet(np.zeros((0, 17)), [], device), empty, 20.0).shape == (
         0,
         SYSTEM,
@@ -144,7 +144,7 @@ def test_same_bits_on_one_core_and_two(device, rng, monkeypatch):
     families = ["superfrustum"] * 20
     rows = random_rows(rng, families)
     points = rng.uniform(-1, 1, (60_000, 3))
-    owned = owned_points(
+    owned = point_batches(
         points, rng.integers(0, 20, 60_000), 20, rng.uniform(-0.1, 0.1, 60_000), device=device
     )
     results = []
@@ -157,7 +157,7 @@ def test_same_bits_on_one_core_and_two(device, rng, monkeypatch):
 @wp.kernel(enable_backward=False)
 def apply_occupancy_kernel(distances: wp.array[float], beta: float, out: wp.array[float]):
     i = wp.tid()
-    out[i] = occupancy(distances[i], beta)
+    out[i] = soft_occupancy(distances[i], beta)
 
 
 @pytest.mark.parametrize("beta", [1.0, 30.0, 150.0])

@@ -10,12 +10,12 @@ import pytest
 import warp as wp
 
 from resfit.kernels.contour.isosurface import extract_isosurface, tight_bounds
-from resfit.kernels.field.field import evaluate_assembly
+from resfit.kernels.field.evaluate import evaluate_assembly
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import family
 from resfit.kernels.render.camera import Camera, camera_rays, frame_bounds
-from resfit.kernels.render.march import Box, march_rays
 from resfit.kernels.render.raytrace import render_assembly, render_mesh
+from resfit.kernels.render.sphere_trace import Box, march_rays
 from resfit.kernels.rows import BLEND, ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from resfit.kernels.runtime.launch import profiled
 

@@ -13,11 +13,11 @@ import pytest
 import warp as wp
 
 from resfit.errors import DeviceError
+from resfit.kernels.precompile import precompile_kernels
 from resfit.kernels.runtime import launch as launching
 from resfit.kernels.runtime import module_loading
 from resfit.kernels.runtime.cores import core_count
-from resfit.kernels.runtime.replay import Replay
-from resfit.kernels.warm import warm_kernels
+from resfit.kernels.runtime.launch_graph import LaunchGraph
 
 MODULE = "resfit.tests.launch"
 wp.set_module_options(launching.PLAIN_OPTIONS, module=MODULE)
@@ -97,9 +97,9 @@ def test_start_is_silent():
 
 
 def test_warm_compiles_everything_once(device):
-    warm_kernels(device)
+    precompile_kernels(device)
     before = module_loading.compile_seconds
-    warm_kernels(device)
+    precompile_kernels(device)
     assert module_loading.compile_seconds == before
 
 
@@ -112,7 +112,7 @@ def test_a_replay_repeats_its_launches(device):
         launching.launch(write_index_kernel, 20, [0], [out], device)
         launching.launch(write_index_kernel, lambda: sizes[0], [0], [other], device, seconds_per_thread=1.0)
 
-    run = Replay(body, device, capture=False)
+    run = LaunchGraph(body, device, capture=False)
     for size in (10, 20, 0):
         sizes[0] = size
         run()
@@ -124,7 +124,7 @@ def test_a_replay_repeats_its_launches(device):
 def test_a_replay_runs_every_thread_once(cores, device, monkeypatch):
     monkeypatch.setattr(launching, "core_count", lambda: cores)
     out = wp.zeros(1000, dtype=int, device=device)
-    run = Replay(
+    run = LaunchGraph(
         lambda: launching.launch(write_index_kernel, 1000, [3], [out], device, seconds_per_thread=1.0), device
     )
     run()

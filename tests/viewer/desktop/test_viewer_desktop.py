@@ -16,8 +16,8 @@ from resfit.viewer.desktop.gizmo import HANDLES, Handle, dragged
 from resfit.viewer.desktop.panel_layout import WIDTH, Drawing, lay_out, shorten
 from resfit.viewer.model.commands import COMMANDS
 from resfit.viewer.model.documents import Document
-from resfit.viewer.model.edits import EditSession, PartRef
-from resfit.viewer.model.entry import Entry
+from resfit.viewer.model.edit_session import EditSession, PartRef
+from resfit.viewer.model.text_entry import Entry
 from resfit.viewer.scene.camera import OrbitCamera
 from resfit.viewer.scene.controller import Controller
 from resfit.viewer.scene.scene import Scene
@@ -29,7 +29,7 @@ SIZE = (900, 700)
 def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desktop]:
     """A window that is not shown, in an empty folder, on a chain of four parts."""
     need_drawing()
-    from resfit.viewer.scene.stage import make_plotter
+    from resfit.viewer.scene.plotter import make_plotter
 
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "chain.json"
@@ -251,7 +251,7 @@ def test_nothing_in_the_panel_overlaps(desktop: Desktop, size: tuple[int, int]) 
 def test_every_command_is_there_and_has_its_own_key() -> None:
     keys = [key for command in COMMANDS for key in command.keys]
     assert len(set(keys)) == len(keys)
-    from resfit.viewer.model.view import SWITCHES
+    from resfit.viewer.model.view_options import SWITCHES
 
     for command in COMMANDS:
         assert command.name in SWITCHES or hasattr(Controller, f"do_{command.name}"), command

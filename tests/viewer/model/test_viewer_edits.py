@@ -15,7 +15,7 @@ from resfit.assembly.primitive import Pose
 from resfit.errors import AssemblyError, InputError
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import ROTATION, SHAPES, TRANSLATION
-from resfit.viewer.model.edits import EditSession, PartRef
+from resfit.viewer.model.edit_session import EditSession, PartRef
 from resfit.viewer.model.parameters import part_sliders, with_value
 from resfit.viewer.model.poses import placed, pose_matrix, to_angles, to_quaternion
 
@@ -237,5 +237,6 @@ def test_placing_by_a_matrix_turns_moves_and_stretches() -> None:
 
 
 def test_the_model_needs_no_vtk() -> None:
-    code = "import sys, resfit.viewer.show, resfit.viewer.desktop.panel_layout; assert 'vtkmodules' not in sys.modules"
+    code = "import sys, resfit.viewer.open_view, resfit.viewer.desktop.panel_layout;"
+    code += " assert 'vtkmodules' not in sys.modules"
     assert run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0

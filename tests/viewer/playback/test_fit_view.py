@@ -16,9 +16,9 @@ import pytest
 from playback_fits import ARGUMENTS, run_cli, small_fit
 from viewer_scenes import need_drawing
 
-from resfit.viewer.playback import live
-from resfit.viewer.playback.live import LiveView
-from resfit.viewer.scene.probe import DisplayError
+from resfit.viewer.playback import fit_window_client
+from resfit.viewer.playback.fit_window_client import LiveView
+from resfit.viewer.scene.opengl_check import DisplayError
 
 WRITES_DOWN = "import sys; open(sys.argv[1], 'w').write(sys.stdin.read())"
 CLOSES_EARLY = (
@@ -33,8 +33,10 @@ def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def make(code: str) -> Path:
         path = tmp_path / "window.txt"
-        monkeypatch.setattr(live, "require_screen", lambda: None)
-        monkeypatch.setattr(live, "window_command", lambda: [sys.executable, "-c", code, str(path)])
+        monkeypatch.setattr(fit_window_client, "require_screen", lambda: None)
+        monkeypatch.setattr(
+            fit_window_client, "window_command", lambda: [sys.executable, "-c", code, str(path)]
+        )
         return path
 
     return make
@@ -46,8 +48,8 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[s
     base = tmp_path_factory.mktemp("watched")
     command = [sys.executable, "-c", WRITES_DOWN, str(base / "window.txt")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(live, "require_screen", lambda: None)
-        patch.setattr(live, "window_command", lambda: command)
+        patch.setattr(fit_window_client, "require_screen", lambda: None)
+        patch.setattr(fit_window_client, "window_command", lambda: command)
         assert fit_with_view(base / "fit") == 0
     return base / "fit", events_of(base / "window.txt")
 
@@ -123,7 +125,7 @@ def test_interrupting_keeps_the_best_so_far_and_then_closes_the_window(stand_in,
 def test_without_a_screen_nothing_is_begun(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(live, "has_display", lambda: False)
+    monkeypatch.setattr(fit_window_client, "has_display", lambda: False)
     mesh = small_fit().mesh
     capsys.readouterr()
     assert run_cli("fit", mesh, "-o", tmp_path / "fit", "--view") == DisplayError.exit_code == 2
@@ -134,7 +136,7 @@ def test_without_a_screen_nothing_is_begun(
 
 def test_the_window_draws_what_it_is_told_and_ends_with_the_result(watched) -> None:
     need_drawing()
-    from resfit.viewer.playback.live_window import LiveSteps, follow, make_player
+    from resfit.viewer.playback.fit_window import LiveSteps, follow, make_player
     from resfit.viewer.scene.screenshot import grab
 
     events = watched[1]
@@ -160,7 +162,7 @@ def test_the_window_draws_what_it_is_told_and_ends_with_the_result(watched) -> N
 
 def test_a_window_whose_fit_is_gone_closes() -> None:
     need_drawing()
-    from resfit.viewer.playback.live_window import LiveSteps, follow, make_player
+    from resfit.viewer.playback.fit_window import LiveSteps, follow, make_player
 
     begin = {"mesh": "/nowhere.ply", "title": "nowhere.ply", "family": "superfrustum", "up": "z"}
     waiting: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()

@@ -13,7 +13,7 @@ from playback_fits import run_cli, small_fit
 from viewer_scenes import need_drawing
 
 from resfit.errors import InputError
-from resfit.viewer.model.edits import EditSession
+from resfit.viewer.model.edit_session import EditSession
 from resfit.viewer.playback.film import eased, frame_at
 from resfit.viewer.playback.playback import load_playback
 from resfit.viewer.playback.video import write_film
@@ -71,9 +71,9 @@ def test_gif_of_a_fit_ends_in_the_result(tmp_path: Path, capsys: pytest.CaptureF
 def rendered_result() -> np.ndarray:
     """The result seen as at the end of a film."""
     from resfit.viewer.playback.film import stand_back
+    from resfit.viewer.scene.plotter import make_plotter
     from resfit.viewer.scene.scene import Scene
     from resfit.viewer.scene.screenshot import grab
-    from resfit.viewer.scene.stage import make_plotter
 
     plotter = make_plotter(SIZE, off_screen=True)
     try:

@@ -16,8 +16,8 @@ from resfit.assembly.history import History, HistoryRound
 from resfit.assembly.transform import Transform
 from resfit.errors import InputError
 from resfit.kernels.rows import ROW
+from resfit.viewer.playback.interpolate import mixed, tween
 from resfit.viewer.playback.playback import GREY, Frame, load_playback, matches, playback, region_boxes
-from resfit.viewer.playback.tween import mixed, tween
 
 STAGES = ["regions", "candidates", "chosen", "refined"]
 
@@ -159,9 +159,9 @@ def test_between_steps_parts_move_grow_and_shrink() -> None:
 
 def test_player_steps_plays_and_follows(frames) -> None:
     need_drawing()
+    from resfit.viewer.playback.playback_scene import StepScene
     from resfit.viewer.playback.player import FOOT, MARGIN, Player
-    from resfit.viewer.playback.step_scene import StepScene
-    from resfit.viewer.scene.stage import make_plotter
+    from resfit.viewer.scene.plotter import make_plotter
 
     plotter = make_plotter((320, 240), off_screen=True)
     try:

@@ -13,19 +13,19 @@ from viewer_scenes import chain, need_drawing, primitive
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.transform import Transform
 from resfit.kernels.render.camera import camera_rays, tile_counts
-from resfit.kernels.render.field_scene import FieldScene
-from resfit.kernels.render.march import NO_HIT
+from resfit.kernels.render.sdf_scene import SdfScene
+from resfit.kernels.render.sphere_trace import NO_HIT
 from resfit.kernels.runtime.launch import choose_device
 from resfit.viewer.model.comparison import Comparison
-from resfit.viewer.model.edits import EditSession
-from resfit.viewer.model.view import View
+from resfit.viewer.model.edit_session import EditSession
+from resfit.viewer.model.view_options import View
 from resfit.viewer.scene import part_actors
 from resfit.viewer.scene.arrangement import arrange, exploded
 from resfit.viewer.scene.camera import OrbitCamera
-from resfit.viewer.scene.live_surface import LIVE_CELLS, PART_CELLS, PartSurfaces, joined_surface, shape_key
 from resfit.viewer.scene.scene import Scene
 from resfit.viewer.scene.screenshot import grab
 from resfit.viewer.scene.section import cut_face, distance_bands
+from resfit.viewer.scene.surface_cache import LIVE_CELLS, PART_CELLS, PartSurfaces, joined_surface, shape_key
 
 SIZE = (320, 240)
 
@@ -34,7 +34,7 @@ SIZE = (320, 240)
 def plotter() -> Iterator[object]:
     """An off-screen plotter."""
     need_drawing()
-    from resfit.viewer.scene.stage import make_plotter
+    from resfit.viewer.scene.plotter import make_plotter
 
     made = make_plotter(SIZE, off_screen=True)
     yield made
@@ -66,7 +66,7 @@ def drawn_silhouette(plotter) -> np.ndarray:
 def traced_silhouette(assembly: Assembly, camera: OrbitCamera) -> np.ndarray:
     """The same from the field itself, without any mesh."""
     width, height = SIZE
-    scene = FieldScene(assembly.on_device("cpu"), np.ones((len(assembly.primitives), 3)))
+    scene = SdfScene(assembly.on_device("cpu"), np.ones((len(assembly.primitives), 3)))
     rays = camera_rays(camera.view(), width, height, choose_device("cpu"))
     hits = scene.hit(rays, 1e-4).numpy() < NO_HIT
     across, down = tile_counts(width, height)
@@ -266,7 +266,7 @@ def test_joined_surfaces_know_the_owner_of_each_face() -> None:
 
 
 def test_surfaces_are_kept_by_shape_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("resfit.viewer.scene.live_surface.CAPACITY", 2)
+    monkeypatch.setattr("resfit.viewer.scene.surface_cache.CAPACITY", 2)
     surfaces = PartSurfaces("cpu")
     a, b, c, _ = chain().primitives
     for part in (a, b, replace(a, name="copy", blend=0.3), c):

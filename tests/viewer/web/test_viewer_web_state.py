@@ -17,7 +17,7 @@ from web_pages import three
 
 from resfit.errors import InputError
 from resfit.viewer.model.documents import open_documents
-from resfit.viewer.model.edits import EditSession, PartRef
+from resfit.viewer.model.edit_session import EditSession, PartRef
 from resfit.viewer.scene.controller import Controller
 from resfit.viewer.web.app import App
 from resfit.viewer.web.picture import Picture
@@ -31,8 +31,8 @@ SIZE = (320, 240)
 def controller(tmp_path: Path) -> Iterator[Controller]:
     """Of three parts, off-screen."""
     need_drawing()
+    from resfit.viewer.scene.plotter import make_plotter
     from resfit.viewer.scene.scene import Scene
-    from resfit.viewer.scene.stage import make_plotter
 
     three().save(tmp_path / "assembly.json")
     documents = open_documents([tmp_path])
@@ -323,8 +323,8 @@ def test_history_is_looked_at_without_editing() -> None:
     need_drawing()
     from playback_fits import small_fit
 
+    from resfit.viewer.scene.plotter import make_plotter
     from resfit.viewer.scene.scene import Scene
-    from resfit.viewer.scene.stage import make_plotter
     from resfit.viewer.web.steps import Steps
 
     documents = open_documents([small_fit().folder])
