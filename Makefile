@@ -11,10 +11,10 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -q
 # Strict mode lets type checkers see the mapped folders; it links files one by one, so a new file needs a re-install.
 EDITABLE := --config-settings editable_mode=strict
-FILES := find src kernels assembly target decomposition fitter eval export viewer applications -type f \
+FILES := find src kernels assembly shape decomposition fitter eval exports viewer result -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
-.PHONY: help demo test test-all fuzz lint format schema results gallery bench doctor install install-all clean
+.PHONY: help demo test test-all fuzz lint format architecture schema results gallery bench doctor install install-all clean
 help:
 	@sed -n 's/^#   //p' Makefile
 
@@ -35,11 +35,15 @@ fuzz: install
 lint: install
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports --no-cache --no-logo
 	@$(BIN)/pyright
 
 format: install
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
+
+architecture: install
+	@$(BIN)/python docs/draw_architecture.py
 
 schema: install
 	@$(BIN)/python -m resfit.assembly.schema assembly/assembly.schema.json
@@ -47,7 +51,7 @@ schema: install
 results: install
 	@$(BIN)/resfit bench kernels --markdown docs/kernels.md
 	@$(BIN)/resfit demo -o out/potted_cactus.resfit && cp out/potted_cactus.resfit/preview.png docs/demo.png
-	@$(BIN)/python -m resfit.eval.results $(MESHES) --out docs
+	@$(BIN)/python -m resfit.eval.report.results $(MESHES) --out docs
 
 gallery: install
 	@$(BIN)/resfit gallery $(MESHES) -o out/gallery

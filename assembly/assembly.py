@@ -33,7 +33,7 @@ from .transform import Transform
 if TYPE_CHECKING:
     import trimesh
 
-    from ..kernels.field import PrimitiveSet
+    from ..kernels.field.evaluate import PrimitiveSet
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ class Assembly:
         Raises:
             DeviceError: if there is no such device.
         """
-        from ..kernels.field import PrimitiveSet
-        from ..kernels.launch import choose_device
+        from ..kernels.field.evaluate import PrimitiveSet
+        from ..kernels.runtime.launch import choose_device
 
         chosen = choose_device(device)
         if chosen.alias not in self._sets:
@@ -182,7 +182,7 @@ class Assembly:
             InputError: if the points are not (n, 3) numbers.
             DeviceError: if there is no such device.
         """
-        from ..kernels.field import evaluate_assembly
+        from ..kernels.field.evaluate import evaluate_assembly
 
         local, beyond = self.transform.to_field(points)
         distance = evaluate_assembly(self.on_device(device), local)
@@ -202,7 +202,7 @@ class Assembly:
             InputError: if the points are not (n, 3) numbers.
             DeviceError: if there is no such device.
         """
-        from ..kernels.field import evaluate_primitives
+        from ..kernels.field.evaluate import evaluate_primitives
 
         local, beyond = self.transform.to_field(points)
         distance = evaluate_primitives(self.on_device(device), local)
@@ -217,7 +217,7 @@ class Assembly:
         """
         from .surface import union_mesh
 
-        return union_mesh(self, resolution, device)
+        return union_mesh(self.primitives, self.transform, resolution, device)
 
     def part_meshes(self, resolution: int = 64, device: str = "auto") -> list[trimesh.Trimesh]:
         """The surface of each primitive alone, in the mesh's own frame; names are in `metadata["name"]`.
@@ -228,7 +228,7 @@ class Assembly:
         """
         from .surface import part_meshes
 
-        return part_meshes(self, resolution, device)
+        return part_meshes(self.primitives, self.transform, resolution, device)
 
 
 def _from_document(document: AssemblyDocument) -> Assembly:

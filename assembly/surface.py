@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from resfit.errors import InputError
 
 from ..kernels.rows import GATE, ROTATION, TRANSLATION
 from .primitive import Primitive, shown
+from .transform import Transform
 
 if TYPE_CHECKING:
     import trimesh
 
-    from .assembly import Assembly
+    from ..kernels.field.primitive_set import PrimitiveSet
 
 MAX_RESOLUTION = 512
 """A grid of twice as many cells a side takes gigabytes."""
@@ -50,44 +52,50 @@ def check_extent(primitive: Primitive) -> None:
         )
 
 
-def union_surface(assembly: Assembly, resolution: int, device: str = "auto") -> Surface:
+def union_surface(primitives: Sequence[Primitive], resolution: int, device: str = "auto") -> Surface:
     """The surface of the smooth union in the normalised frame: vertices (v, 3), faces (f, 3).
 
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION], or a part is too large for a grid.
     """
     check_resolution(resolution)
-    if not assembly.primitives:
+    if not primitives:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    for primitive in assembly.primitives:
+    for primitive in primitives:
         check_extent(primitive)
-    from ..kernels.isosurface import extract_isosurface
+    from ..kernels.contour.isosurface import extract_isosurface
 
-    vertices, faces = extract_isosurface(assembly.on_device(device), resolution)
+    rows = np.stack([primitive.row() for primitive in primitives])
+    families = [primitive.family for primitive in primitives]
+    vertices, faces = extract_isosurface(_on_device(rows, families, device), resolution)
     return np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
 
 
-def union_mesh(assembly: Assembly, resolution: int, device: str = "auto") -> trimesh.Trimesh:
+def union_mesh(
+    primitives: Sequence[Primitive], transform: Transform, resolution: int, device: str = "auto"
+) -> trimesh.Trimesh:
     """The surface of the smooth union, in the mesh's own frame; without a triangle if nothing is inside.
 
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
-    vertices, faces = union_surface(assembly, resolution, device)
-    return _mesh(assembly.transform.to_mesh(vertices), faces)
+    vertices, faces = union_surface(primitives, resolution, device)
+    return _mesh(transform.to_mesh(vertices), faces)
 
 
-def part_meshes(assembly: Assembly, resolution: int, device: str = "auto") -> list[trimesh.Trimesh]:
+def part_meshes(
+    primitives: Sequence[Primitive], transform: Transform, resolution: int, device: str = "auto"
+) -> list[trimesh.Trimesh]:
     """The surface of each part, in the mesh's own frame, with its name in `metadata["name"]`.
 
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
     meshes = []
-    for primitive in assembly.primitives:
+    for primitive in primitives:
         vertices, faces = part_surface(primitive, resolution, device)
         world = vertices @ primitive.pose.matrix().T + np.asarray(primitive.pose.translation)
-        meshes.append(_mesh(assembly.transform.to_mesh(world), faces, name=primitive.name))
+        meshes.append(_mesh(transform.to_mesh(world), faces, name=primitive.name))
     return meshes
 
 
@@ -105,18 +113,22 @@ def part_surface(primitive: Primitive, resolution: int, device: str = "auto") ->
     Raises:
         InputError: if the resolution is not in [4, MAX_RESOLUTION].
     """
-    from ..kernels.launch import choose_device
-    from ..kernels.part_isosurface import part_isosurface
-    from ..kernels.primitive_set import PrimitiveSet
+    from ..kernels.contour.part_isosurface import part_isosurface
 
     check_resolution(resolution)
     check_extent(primitive)
     row = primitive.row()
     row[TRANSLATION : TRANSLATION + 3] = 0.0
     row[ROTATION : ROTATION + 4] = (1.0, 0.0, 0.0, 0.0)
-    alone = PrimitiveSet(row[None], [primitive.family], choose_device(device))
-    vertices, faces = part_isosurface(alone, 0, resolution)
+    vertices, faces = part_isosurface(_on_device(row[None], [primitive.family], device), 0, resolution)
     return vertices.astype(np.float64), faces.astype(np.int64)
+
+
+def _on_device(rows: npt.NDArray[np.float32], families: list[str], device: str) -> PrimitiveSet:
+    from ..kernels.field.primitive_set import PrimitiveSet
+    from ..kernels.runtime.launch import choose_device
+
+    return PrimitiveSet(rows, families, choose_device(device))
 
 
 def _mesh(vertices: npt.NDArray[Any], faces: npt.NDArray[Any], **metadata: Any) -> trimesh.Trimesh:

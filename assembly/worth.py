@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..kernels.field import evaluate_primitives
-from ..kernels.isosurface import tight_bounds
+from ..kernels.contour.isosurface import tight_bounds
+from ..kernels.field.evaluate import evaluate_primitives
 from .assembly import Assembly
 from .plain_json import number_at, text_at
 from .report import read_report

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.morphology import components
-from .coarse import WorkingGrid
+from ..kernels.grid.morphology import components
+from .coarse_grid import WorkingGrid
 from .region import Region
 
 LEAST_GAIN = 0.06

@@ -6,6 +6,8 @@ measure that. Needs the optional package `coacd` (extra `compare`).
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -58,7 +60,8 @@ def propose_convex_regions(
 def _convex_pieces(depth: np.ndarray, seed: int) -> list[np.ndarray]:
     """Vertices of the pieces' hulls, in cells of the residual's box."""
     try:
-        import coacd
+        # By its name: to type checkers, which look beside the file first, `import coacd` is this module.
+        coacd = import_module("coacd")
     except ImportError as error:
         raise InputError(
             "--decompose coacd needs the package coacd, which is not installed; call"

@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage
 
-from .coarse import WorkingGrid
+from .coarse_grid import WorkingGrid
 from .region import Region, label_components
-from .sections import section_cuts
+from .slabs import section_cuts
 
 SMALLEST_HOLE = 6
 """Cells of a hole in a cross-section."""

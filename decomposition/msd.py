@@ -11,11 +11,11 @@ import math
 import numpy as np
 import warp as wp
 
-from ..kernels.cells import CellSet, squared_distances
-from ..kernels.distance_grid import distance_transform
-from ..kernels.launch import serial_device
-from ..kernels.morphology import components, deepest_core
-from .coarse import WorkingGrid
+from ..kernels.grid.distance_grid import distance_transform
+from ..kernels.grid.morphology import components, deepest_core
+from ..kernels.grid.sparse_cells import CellSet, squared_distances
+from ..kernels.runtime.launch import serial_device
+from .coarse_grid import WorkingGrid
 from .region import Region
 
 ITERATIONS = 7

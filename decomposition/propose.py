@@ -8,13 +8,13 @@ import numpy as np
 import warp as wp
 
 from .box_tree import box_tree_parts
-from .coarse import working_grid
+from .coarse_grid import working_grid
 from .holes import hole_parts
 from .msd import decompose
+from .plates_and_beams import straight_parts
 from .region import Region, without_duplicates
 from .residual import find_residual, residual_components
-from .runs import straight_parts
-from .sections import section_parts
+from .slabs import section_parts
 from .target_cells import TargetCells, target_cells
 
 FRACTIONS = (0.005, 0.03, 0.12)

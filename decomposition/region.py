@@ -9,7 +9,7 @@ from functools import cache, cached_property
 import numpy as np
 from scipy import ndimage
 
-from ..kernels.cells import coordinates, true_cells
+from ..kernels.grid.sparse_cells import coordinates, true_cells
 
 SAME_SHARE = 0.9
 """Two regions that share more than this of their union are one proposal."""

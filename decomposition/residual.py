@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..kernels.cells import CellSet
-from ..kernels.morphology import largest_components
+from ..kernels.grid.morphology import largest_components
+from ..kernels.grid.sparse_cells import CellSet
 from .region import Region
 from .target_cells import TargetCells
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.cells import CellSet, cells_of
+from ..kernels.grid.sparse_cells import CellSet, cells_of
 from .region import true_box
 
 
@@ -37,6 +37,6 @@ def target_cells(grid: np.ndarray) -> TargetCells:
     box = true_box(inside) or (slice(0, 0),) * 3
     lower = np.array([edge.start for edge in box], np.int32)
     cells = cells_of(inside[box])
-    flat = np.ravel_multi_index(tuple(cells.index + lower[:, None]), grid.shape)
+    flat = np.asarray(np.ravel_multi_index(tuple(cells.index + lower[:, None]), grid.shape))
     depth = grid.reshape(-1)[flat].astype(np.float32) * np.float32(-0.5 * len(grid))
     return TargetCells(grid, lower, cells, flat, depth)

@@ -16,9 +16,9 @@ from PIL import Image
 
 import resfit
 from resfit.assembly.colors import rgb
-from resfit.kernels.camera import frame_bounds
-from resfit.kernels.isosurface import tight_bounds
-from resfit.kernels.raytrace import render_assembly
+from resfit.kernels.contour.isosurface import tight_bounds
+from resfit.kernels.render.camera import frame_bounds
+from resfit.kernels.render.raytrace import render_assembly
 
 
 def main(folder: Path) -> None:

@@ -11,6 +11,9 @@ from ..kernels.primitives import FAMILIES
 
 Preset = Literal["fast", "balanced", "best"]
 
+MOST_PRIMITIVES = 64
+"""Allowed in a fit unless told otherwise."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitStage:
@@ -186,7 +189,8 @@ class FitConfig:
     optimizer: Literal["levenberg", "adam"] = "levenberg"
     """"adam" is the paper's way: one seed a region and first-order steps."""
     adam: AdamConfig = AdamConfig()
-    max_primitives: int = 64
+    max_primitives: int = MOST_PRIMITIVES
+    """Where fewer are allowed than the fit comes to, the best assembly of so few is found from it."""
     target_iou: float = 1.0
     """Stop once the 128^3 IoU reaches this; 1 is off."""
     tolerance: float = 0.0
@@ -201,9 +205,9 @@ class FitConfig:
     parsimony: float = FROM_PRESET
     """Objective that a primitive must bring (alpha)."""
     snap: bool = False
-    """Make the result regular: symmetry, canonical shapes, equal axes, sizes and centres (`fitter/snap.py`)."""
+    """Make the result regular (`fitter/regularise/`): symmetry, canonical shapes, equal axes, sizes and centres."""
     pareto: bool = False
-    """Find the best assembly of every number of parts too, and return the one that the objective prefers."""
+    """Find the best assembly of every number of parts too."""
     per_part: Literal["auto", "on", "off"] = "auto"
     """Fit the mesh's parts one by one; "auto" does so where several are worth a primitive and none is nearly all."""
     resolution: int = 128

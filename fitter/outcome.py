@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .objective import Score
+from .objective.objective import Score
 
 
 class Status(enum.Enum):

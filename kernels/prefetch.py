@@ -11,44 +11,24 @@ from collections.abc import Callable
 
 import warp as wp
 
-from . import (
-    blends,
-    cell_list,
-    cells,
-    choice,
-    culling,
-    distance_grid,
-    field_scene,
-    inside,
-    loss_points,
-    loss_rows,
-    march,
-    mesh_grid,
-    mesh_probe,
-    mesh_query,
-    mesh_scene,
-    mesh_sign,
-    morphology,
-    occupancy,
-    ownership,
-    raytrace,
-    replacement,
-    shading,
-    steps,
-    wavefront,
-)
-from .cores import core_count
-from .culling import bound_kernel
-from .field import field_kernels
-from .gradient import gradient_kernel
-from .holders import count_kernel
-from .idle import drop_idle_kernel
-from .inside import mask_kernel
-from .launch import serial_device
-from .module_loading import load_module
-from .normal_equations import add_systems_kernel, kernel_on
-from .ownership import find_owners_kernel
-from .primitive_set import derive_kernel
+from .field import culling
+from .field.containment_count import count_kernel
+from .field.culling import bound_kernel
+from .field.evaluate import field_kernels
+from .field.gradient import gradient_kernel
+from .field.primitive_set import derive_kernel
+from .grid import block_list, distance_grid, morphology, sparse_cells
+from .mesh import inside_grid, inside_points, mesh_grid, mesh_query
+from .refine import levenberg_step, nearest_primitives, residual_points, residual_rows
+from .refine.nearest_primitives import find_owners_kernel
+from .refine.normal_equations import add_systems_kernel, kernel_on
+from .refine.prune_lists import prune_lists_kernel
+from .render import mesh_scene, ray_queue, raytrace, sdf_scene, shading, sphere_trace
+from .runtime.cores import core_count
+from .runtime.launch import serial_device
+from .runtime.module_loading import load_module
+from .select import blend_search, containment, coverage_gains, coverage_sets, swap_moves
+from .select.containment import mask_kernel
 
 Loads = list[tuple[Callable[[], wp.Module], wp.Device]]
 
@@ -58,17 +38,17 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
 
     The longest to compile come first, then in order of use.
     """
-    reading = [mesh_sign, mesh_query, mesh_probe, mesh_grid, cell_list, distance_grid]
-    finding = [cells, morphology]
-    choosing = [occupancy, choice, replacement, blends]
+    reading = [inside_grid, mesh_query, inside_points, mesh_grid, block_list, distance_grid]
+    finding = [sparse_cells, morphology]
+    choosing = [coverage_sets, coverage_gains, swap_moves, blend_search]
     fitting = [
-        steps,
+        levenberg_step,
         culling,
-        ownership,
-        loss_points,
-        loss_rows,
+        nearest_primitives,
+        residual_points,
+        residual_rows,
     ]
-    showing = [shading, mesh_scene, field_scene, march, wavefront, raytrace]
+    showing = [shading, mesh_scene, sdf_scene, sphere_trace, ray_queue, raytrace]
 
     def named(modules: list, where: wp.Device = device) -> Loads:
         return [(lambda module=module: wp.get_module(module.__name__), where) for module in modules]
@@ -81,7 +61,7 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
         *named(reading),
         *named(finding, serial_device()),
         *made(lambda: derive_kernel(family), lambda: add_systems_kernel),
-        *named([inside]),
+        *named([containment]),
         *named(choosing, serial_device()),
         *named(fitting),
         *made(
@@ -89,7 +69,7 @@ def modules_of_fit(family: str, device: wp.Device) -> Loads:
             lambda: bound_kernel(family),
             lambda: mask_kernel(family),
             lambda: find_owners_kernel(family),
-            lambda: drop_idle_kernel(family),
+            lambda: prune_lists_kernel(family),
             lambda: gradient_kernel(family),
             lambda: count_kernel(family),
         ),

@@ -3,7 +3,7 @@
 An assembly of K primitives is one flat float32 array of K * ROW values, primitive-major, in the normalised frame.
 `translation` is the primitive's centre; `rotation` a unit quaternion (w, x, y, z), local to world; `shape` the
 family's parameters in the order of its table, padded with zeros to SHAPE; `blend` the smooth-union radius with what
-stands before it in the list; `gate` the existence in [0, 1] (spec section 12), 1 for a primitive that is there.
+stands before it in the list; `gate` the existence in [0, 1] (superfrustum.md, "Gate"), 1 for a primitive that is there.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     # Imported here because tests that touch no kernel (documents, the architecture) need not wait for Warp.
     import warp
 
-    from resfit.kernels.launch import start
+    from resfit.kernels.runtime.launch import start
 
     start()
     names = ["cpu"] + [found.alias for found in warp.get_cuda_devices()[:1]]
@@ -45,7 +45,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.fixture
 def device(request: pytest.FixtureRequest) -> wp.Device:
     """The device to test on; see `pytest_generate_tests`."""
-    from resfit.kernels.launch import choose_device
+    from resfit.kernels.runtime.launch import choose_device
 
     return choose_device(request.param)
 
@@ -85,7 +85,7 @@ def opened(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]:
     ) -> Page:
         from pages import HEIGHT, SIDEBAR, WIDTH
 
-        from resfit.export.html import write_html
+        from resfit.exports.html import write_html
 
         path = tmp_path / "page.html"
         write_html(assembly, path, **options)

@@ -10,9 +10,9 @@ import numpy as np
 from resfit.assembly.assembly import Assembly
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
-from resfit.kernels.camera import Camera
 from resfit.kernels.primitives import FAMILIES
-from resfit.kernels.raytrace import render_assembly
+from resfit.kernels.render.camera import Camera
+from resfit.kernels.render.raytrace import render_assembly
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import trimesh
 
-from resfit.target.formats.mesh_file import MeshFile
-from resfit.target.formats.trimesh_object import from_object
+from resfit.shape.formats.mesh_file import MeshFile
+from resfit.shape.formats.trimesh_object import from_object
 
 
 def read_by_trimesh(path: Path) -> MeshFile:

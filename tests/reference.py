@@ -38,7 +38,7 @@ def _straight(x, y, z, size, roundness, taper, onion):
 
 
 def superfrustum(points: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Signed distance of local points (n, 3) by spec sections 4 to 7 with the seam of 4.4; shape in row order."""
+    """Signed distance of local points (n, 3) by the formulas of docs/superfrustum.md; shape (8,) in row order."""
     x, y, z = np.asarray(points, np.float64).T
     size, (roundness, dilation, taper, bulge, onion) = np.maximum(shape[:3], 1e-6), shape[3:8]
     h, theta = size[2] / 2, bulge * np.pi / 2

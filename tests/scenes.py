@@ -13,7 +13,7 @@ from resfit.kernels.rows import BLEND, ROTATION, SHAPES, empty_rows
 
 
 def vectors(name: str) -> list[dict]:
-    """The specification's float64 test vectors called `name`: "superfrustum" or "smooth_union"."""
+    """Float64 test vectors called `name`: "superfrustum" or "smooth_union"."""
     packed = (Path(__file__).parent / "data" / f"{name}_vectors.json.xz").read_bytes()
     return json.loads(lzma.decompress(packed))
 
@@ -62,7 +62,7 @@ DEGENERATE_SHAPES += [
     (0.3, 0.3, 0.8, 0.5, 0.01, 0.7, 0.5, 0.0),
     (5.0, 5.0, 5.0, 0.5, 1.0, 2.0, 1.0, -1.0),
 ]
-"""SuperFrustum shapes at every edge of the legal ranges (spec section 10)."""
+"""SuperFrustum shapes at every edge of the legal ranges."""
 
 
 def special_points(shape: tuple[float, ...]) -> np.ndarray:

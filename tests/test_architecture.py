@@ -1,49 +1,49 @@
-"""The rules that a machine can check: who imports whom, sizes, packaging, where kernels are launched."""
+"""Rules that a machine can check: imports, sizes, packaging, where kernels are launched, which modules are tested."""
 
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
+import grimp
 import pytest
+from importlinter.cli import lint_imports
 
 ROOT = Path(__file__).resolve().parent.parent
 
 MAX_FILE_LINES = 400
-MAX_FUNCTION_LINES = 80
-"""Lines of a function without its docstring. Aim for 60; only a hand-written adjoint needs more."""
+MAX_FUNCTION_LINES = 60
+"""Lines of a function without its docstring."""
 
-MAY_IMPORT: dict[str, set[str]] = {
-    "kernels": set(),
-    "assembly": {"kernels"},
-    "target": {"kernels", "assembly.transform"},
-    "decomposition": {"kernels", "target"},
-    "fitter": {"kernels", "assembly", "target", "decomposition"},
-    "export": {"kernels", "assembly"},
-    "eval": {"kernels", "assembly", "target"},
-    "eval.methods": {"kernels", "assembly", "target", "decomposition", "fitter"},
-    "eval.bench": {"kernels", "assembly", "target", "decomposition", "fitter"},
-    "viewer": {"kernels", "assembly", "target", "export", "eval.metrics"},
-    "applications": {
-        "kernels", "assembly", "target", "decomposition", "fitter", "eval", "export", "viewer",
-    },
-}  # fmt: skip
-"""Folder or module: what it may import beside itself and LIGHT; the longest match counts."""
+LONG_FUNCTIONS = {
+    "fold_owners_kernel": "one loop over the points of a block, whose state is in its local variables",
+    "sdf_trapezoid_grad": "derivatives by hand, from the intermediate results of the value",
+    "straighten_grad": "derivatives by hand, from the intermediate results of the value",
+}
+"""Functions that may have more, and why."""
 
-LIGHT = {"errors", "children", "extras"}
-"""Modules of src/resfit that all may import: they import nothing themselves, or only each other."""
+LIGHT = {"errors", "children", "extras", "clock"}
+"""Modules of src/resfit that the folders may import. They lie elsewhere on disk, where type checkers cannot follow a
+relative import: their names are absolute everywhere."""
 
-FOLDERS = sorted({name.split(".")[0] for name in MAY_IMPORT})
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
+FOLDERS = sorted(folder for folder in SETUPTOOLS["package-dir"].values() if folder != "src/resfit")
 
 
 def python_files(*folders: str) -> list[Path]:
     """Python files below `folders` of the repository, sorted."""
     return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    """Syntax tree of a file."""
+    return ast.parse(path.read_text())
 
 
 def module_name(path: Path) -> str:
@@ -59,7 +59,7 @@ def imports(path: Path) -> list[tuple[int, int, str]]:
     if path.name != "__init__.py":
         package.pop()
     found = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             found += [(node.lineno, 0, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -69,42 +69,43 @@ def imports(path: Path) -> list[tuple[int, int, str]]:
     return found
 
 
-def allowed_for(module: str) -> set[str]:
-    """What `module` may import, its own folder and LIGHT included."""
-    rules = [name for name in MAY_IMPORT if module == name or module.startswith(name + ".")]
-    return MAY_IMPORT[max(rules, key=len)] | {module.split(".")[0]} | LIGHT
+def absolute_imports(path: Path) -> list[str]:
+    """Sentences about absolute imports, in a file of FOLDERS, of what is to be imported relatively."""
+    return [
+        f"{path.relative_to(ROOT)}:{line} imports {name} absolutely: use a relative import"
+        for line, level, name in imports(path)
+        if not level and name.split(".")[0] in {"resfit", *FOLDERS}
+        if name.split(".")[:2] not in [["resfit", module] for module in LIGHT]
+    ]
 
 
-def forbidden_imports(path: Path) -> list[str]:
-    """Sentences about the imports of a file in one of FOLDERS that the table does not allow."""
-    allowed = allowed_for(module_name(path))
-    wrong = []
-    for line, level, name in imports(path):
-        if not level and name.split(".")[:2] in [["resfit", module] for module in LIGHT]:
-            # They lie elsewhere on disk (src/resfit), where type checkers cannot follow a relative import.
-            continue
-        if not level and name.split(".")[0] in {"resfit", *FOLDERS}:
-            wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name} absolutely: use a relative import")
-        elif level:
-            ours = name.removeprefix("resfit.")
-            if not any(ours == rule or ours.startswith(rule + ".") for rule in allowed):
-                wrong.append(f"{path.relative_to(ROOT)}:{line} may not import {ours}")
-    return wrong
+def test_imports_keep_to_the_contracts(capfd: pytest.CaptureFixture[str]) -> None:
+    """Layers, circles and exceptions are in pyproject.toml."""
+    code = lint_imports(str(ROOT / "pyproject.toml"), no_cache=True, no_logo=True)
+    assert code == 0, capfd.readouterr().out
 
 
-def test_folders_import_only_what_the_table_allows() -> None:
-    assert [sentence for path in python_files(*FOLDERS) for sentence in forbidden_imports(path)] == []
+def test_contracts_see_every_module() -> None:
+    """Links of the installation could be missing, and what is not there breaks no contract."""
+    graph = grimp.build_graph("resfit", cache_dir=None)
+    on_disk = {
+        ".".join(["resfit", *filter(None, [module_name(path)])]) for path in python_files("src", *FOLDERS)
+    }
+    assert graph.modules == on_disk
 
 
-def test_import_rule_sees_relative_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_import_each_other_relatively() -> None:
+    assert [sentence for path in python_files(*FOLDERS) for sentence in absolute_imports(path)] == []
+
+
+def test_import_rule_sees_absolute_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
     path = tmp_path / "kernels" / "primitives" / "wrong.py"
     path.parent.mkdir(parents=True)
     path.write_text(
-        "from ..field import x\nfrom ...errors import y\nfrom ...assembly import z\n"
-        "from ... import fitter\nimport resfit.api\n"
+        "from ..field import x\nfrom resfit.errors import y\nimport resfit.api\nfrom fitter import z\n"
     )
-    assert [sentence.split(" ")[0][-1] for sentence in forbidden_imports(path)] == ["3", "4", "5"]
+    assert [sentence.split(" ")[0][-1] for sentence in absolute_imports(path)] == ["3", "4"]
 
 
 def test_facade_tests_and_examples_import_absolutely() -> None:
@@ -126,7 +127,7 @@ def test_files_are_short() -> None:
 def test_functions_are_short() -> None:
     long = {}
     for path in python_files("src", *FOLDERS, "tests", "examples"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 first = node.body[1] if ast.get_docstring(node) and len(node.body) > 1 else node.body[0]
                 lines = (node.end_lineno or 0) - first.lineno + 1
@@ -136,7 +137,7 @@ def test_functions_are_short() -> None:
                     for inner in node.body
                     if isinstance(inner, ast.FunctionDef)
                 )
-                if lines > MAX_FUNCTION_LINES:
+                if lines > MAX_FUNCTION_LINES and node.name not in LONG_FUNCTIONS:
                     long[f"{path.relative_to(ROOT)}:{node.name}"] = lines
     assert long == {}
 
@@ -160,7 +161,7 @@ def test_every_folder_with_code_is_a_package() -> None:
 
 
 def test_package_folders_are_mapped() -> None:
-    present = {name for name in FOLDERS if python_files(name)}
+    present = {path.parent.name for path in ROOT.glob("*/__init__.py")}
     expected = {"resfit": "src/resfit"} | {f"resfit.{name}": name for name in present}
     assert SETUPTOOLS["package-dir"] == expected
 
@@ -173,7 +174,7 @@ def test_no_package_at_the_root() -> None:
 def test_only_kernels_launches_kernels() -> None:
     wrong = []
     for path in python_files("src", *[name for name in FOLDERS if name != "kernels"], "examples"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if (
                 isinstance(node, ast.Attribute)
                 and node.attr.startswith("launch")
@@ -214,12 +215,109 @@ def test_heavy_packages_load_inside_functions() -> None:
     heavy = set(PYPROJECT["tool"]["ruff"]["lint"]["flake8-tidy-imports"]["banned-module-level-imports"])
     wrong = []
     for path in python_files("src", *FOLDERS):
-        for node in ast.parse(path.read_text()).body:
+        for node in parsed(path).body:
             if isinstance(node, ast.Import | ast.ImportFrom):
                 module = getattr(node, "module", None)
                 names = [module] if module else [alias.name for alias in node.names]
                 wrong += [f"{path.name}: {name}" for name in names if name and name.split(".")[0] in heavy]
     assert wrong == []
+
+
+TESTED_THROUGH: dict[str, tuple[str, ...]] = {
+    # Commands and what only they call: driven as people call them, by `resfit.cli.main`.
+    "test_cli.py": (
+        "__main__",
+        "cli.completion",
+        "cli.doctor",
+        "cli.export",
+        "cli.help",
+    ),
+    "test_fit_cli.py": ("cli.demo", "cli.single"),
+    "test_fit_several.py": ("cli.browser",),
+    "test_fit_view.py": ("cli.watching",),
+    "test_bench_fit.py": ("cli.bench",),
+    "test_compare.py": ("cli.compare", "eval.report.comparison", "eval.report.sheet"),
+    "test_eval_cli.py": ("cli.eval",),
+    "test_viewer_cli.py": ("cli.view", "viewer.web.extra"),
+    "test_viewer_film.py": ("cli.filming",),
+    # Behind `resfit.fit`, `evaluate` and the writers of files.
+    "test_result.py": ("result.additions", "shape.loaded_mesh"),
+    "test_chamfer.py": ("result.moving",),
+    "test_prediction.py": ("eval.metrics.evaluate",),
+    "test_methods.py": (
+        "eval.methods.coacd",
+        "eval.methods.file",
+        "eval.methods.hulls",
+        "eval.methods.vhacd",
+    ),
+    "test_export_mesh.py": ("exports.glb", "exports.mesh"),
+    # Readers' inner files: whole files are read, good and damaged ones.
+    "test_formats_gltf.py": (
+        "shape.formats.gltf_accessors",
+        "shape.formats.gltf_buffers",
+        "shape.formats.gltf_meshes",
+        "shape.formats.gltf_meshopt",
+        "shape.formats.gltf_nodes",
+        "shape.formats.gltf_record",
+    ),
+    "test_formats_obj.py": ("shape.formats.indexed",),
+    "test_formats_ply.py": ("shape.formats.ply_header", "shape.formats.ply_records"),
+    "test_formats_threemf.py": ("shape.formats.threemf_model",),
+    "test_hostile_files.py": ("shape.mesh_path",),
+    # Kernels: their host functions, against twins in NumPy.
+    "test_primitives.py": (
+        "kernels.primitives.stages.bend",
+        "kernels.field.frame",
+        "kernels.primitives.cuboid",
+        "kernels.primitives.cuboid_gradient",
+        "kernels.primitives.superfrustum",
+        "kernels.primitives.superfrustum_gradient",
+        "kernels.primitives.superprimitive",
+        "kernels.primitives.superprimitive_gradient",
+        "kernels.primitives.superquadric",
+        "kernels.primitives.superquadric_gradient",
+    ),
+    "test_blend_search.py": ("kernels.select.blend_search",),
+    "test_selection.py": (
+        "kernels.runtime.buffers",
+        "kernels.select.coverage_gains",
+        "kernels.select.swap_moves",
+    ),
+    "test_levenberg_step.py": ("kernels.refine.prune_lists", "kernels.refine.residual_rows"),
+    "test_isosurface.py": (
+        "kernels.contour.dual_contour_grid",
+        "kernels.contour.dual_contour_vertices",
+        "kernels.contour.dual_contour",
+    ),
+    "test_mesh_query.py": ("kernels.mesh.inside_grid", "kernels.mesh.inside_winding"),
+    "test_raytrace.py": ("kernels.render.mesh_scene", "kernels.render.shading", "kernels.render.ray_queue"),
+    "test_launch.py": ("kernels.prefetch",),
+    "test_bench_kernels.py": ("kernels.field.peak_flops",),
+    "test_terminal.py": ("kernels.runtime.address_space",),
+    # What is drawn: pictures of whole scenes.
+    "test_viewer_scene.py": ("viewer.scene.layers",),
+    "test_viewer_desktop.py": ("viewer.desktop.panel",),
+    "test_viewer_web.py": ("viewer.web.layout",),
+    "test_viewer_web_state.py": ("viewer.web.notebook",),
+    # `resfit bench view`: it times what the other tests of the viewer check.
+    "test_viewer_edits.py": ("viewer.bench",),
+}
+"""Test files, and modules that they drive through what uses them, without an import by name."""
+
+
+def imported_by_tests() -> set[str]:
+    """Dotted names, below `resfit`, of all that tests import, and of what might be a module in it."""
+    names = [name for path in python_files("tests") for _, _, name in imports(path)]
+    inner = [name.removeprefix("resfit.") for name in names if name.startswith("resfit.")]
+    return {*inner, *(name.rpartition(".")[0] for name in inner)}
+
+
+def test_every_module_has_a_test() -> None:
+    """One that imports it by name, so that its failure names the culprit, or one that is listed above."""
+    modules = {module_name(path) for path in python_files("src", *FOLDERS) if path.name != "__init__.py"}
+    through = [name for names in TESTED_THROUGH.values() for name in names]
+    assert modules - imported_by_tests() == set(through)
+    assert TESTED_THROUGH.keys() <= {path.name for path in (ROOT / "tests").rglob("test_*.py")}
 
 
 SLOW_TO_IMPORT = ["warp", "trimesh", "numpy", "scipy", "skimage", "pyvista", "vtk", "pydantic", "PIL"]

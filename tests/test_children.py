@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from resfit.children import python_command
-from resfit.viewer.probe import finish_child, start_child
+from resfit.viewer.scene.opengl_check import finish_child, start_child
 
 RESFIT = [str(Path(sys.executable).with_name("resfit"))]
 

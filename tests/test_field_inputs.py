@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import resfit
-from resfit.result import FitResult
+from resfit.result.fit_result import FitResult
 
 FOLDER = Path(__file__).parent / "data" / "field_inputs"
 

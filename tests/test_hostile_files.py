@@ -19,7 +19,7 @@ from fuzz.samples import CORNERS, glb, gltf, obj, off, ply, stl, tetrahedron
 
 from resfit import Assembly, export
 from resfit.errors import InputError
-from resfit.target.load import load_mesh
+from resfit.shape.load import load_mesh
 
 SMALL = 100_000
 """Bytes."""

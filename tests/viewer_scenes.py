@@ -12,8 +12,8 @@ from resfit.assembly.colors import palette_color
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
 from resfit.kernels.primitives import FAMILIES
-from resfit.viewer.parameters import with_value
-from resfit.viewer.probe import probe_rendering
+from resfit.viewer.model.parameters import with_value
+from resfit.viewer.scene.opengl_check import probe_rendering
 
 
 @cache

@@ -22,7 +22,7 @@ from PIL import Image
 from viewer_scenes import primitive
 
 from resfit.assembly.assembly import Assembly
-from resfit.viewer.parameters import with_value
+from resfit.viewer.model.parameters import with_value
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

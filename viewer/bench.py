@@ -13,14 +13,14 @@ import numpy as np
 from ..assembly.assembly import Assembly
 from ..assembly.colors import palette_color
 from ..assembly.primitive import Pose, Primitive
-from ..kernels.cores import core_count
-from .controller import Controller
-from .documents import Document
-from .edits import EditSession
-from .poses import to_quaternion, to_vector
-from .probe import probe_rendering, require
-from .scene import Scene
-from .stage import make_plotter, smooth
+from ..kernels.runtime.cores import core_count
+from .model.documents import Document
+from .model.edit_session import EditSession
+from .model.poses import to_quaternion, to_vector
+from .scene.controller import Controller
+from .scene.opengl_check import probe_rendering, require
+from .scene.plotter import make_plotter, smooth
+from .scene.scene import Scene
 from .web.picture import Picture
 from .web.state import page_state
 

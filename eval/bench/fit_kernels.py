@@ -9,10 +9,10 @@ from importlib.resources import as_file, files
 import warp as wp
 
 from ...fitter.config import preset_config
-from ...fitter.loop import fit_target
-from ...kernels.launch import profiled
-from ...target.target import make_target
-from .kernels import cores
+from ...fitter.search.multi_start import fit_target
+from ...kernels.runtime.launch import profiled
+from ...shape.target import make_target
+from .harness import cores
 
 LEAST_SHARE = 0.01
 """Of a fit's time; what takes less is summed up."""

@@ -19,8 +19,8 @@ import trimesh
 from resfit.errors import InputError
 
 from ...assembly.colors import PALETTE, palette_color
-from ..report_plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
-from .fit import STAGES, TARGET, FitRow, measure_fit
+from ..report.plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
+from .fit_runs import STAGES, TARGET, FitRow, measure_fit
 
 FEW: dict[str, tuple[int, ...]] = {
     "faces": (1024, 16_384, 262_144),

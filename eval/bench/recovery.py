@@ -15,12 +15,12 @@ import warp as wp
 
 from ...decomposition.region import Region
 from ...fitter.config import ProposeConfig
-from ...fitter.propose import fit_regions
-from ...kernels import launch as launching
-from ...kernels.field import cell_centres, union_at
-from ...kernels.points import from_grid_blocks, grid_blocks
-from ...kernels.primitive_set import PrimitiveSet
+from ...fitter.propose.candidates import fit_regions
+from ...kernels.field.evaluate import cell_centres, union_at
+from ...kernels.field.points import from_grid_blocks, grid_blocks
+from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROTATION, SHAPES, empty_rows
+from ...kernels.runtime import launch as launching
 
 RESOLUTION = 96
 KINDS = ("tapered", "bent", "hollow", "ring", "mixed")

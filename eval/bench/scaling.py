@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...kernels.culling import cull
-from ...kernels.field import primitives_at, union_at
-from ...kernels.peak import OPERATIONS, multiply_add
-from ...kernels.points import PointBlocks
-from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.field.culling import cull
+from ...kernels.field.evaluate import primitives_at, union_at
+from ...kernels.field.peak_flops import OPERATIONS, multiply_add
+from ...kernels.field.points import PointBlocks
+from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, SHAPES
-from .kernels import Workload, measure, scene_points, scene_rows
+from .harness import Workload, measure, scene_points, scene_rows
 
 COUNTS = (2, 8, 32, 64, 128, 256)
 SIZES = (1_000, 10_000, 100_000, 1_000_000)

@@ -3,7 +3,7 @@
 200,000 points, 2 to 64 SuperFrusta, all of them evaluated at every point: the forward step, the backward step, and
 both. Theirs takes, by default, each primitive swept along all three of its axes, a mixture that costs three evaluations
 a point; with the axis known it is one. Ours learns the axis the same way, by three turned copies of each primitive
-(`fitter/sweep_axis.py`), so that three axes are measured as three times the primitives, folded by the union.
+(`fitter/refine/sweep_axis.py`), so that three axes are measured as three times the primitives, folded by the union.
 Points are in the order of a curve through space, as a fit keeps them, which is made once, before the steps; one line
 shows what random order costs.
 """
@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ...fitter.sweep_axis import turned_copies
-from ...kernels.adjoint import differentiable_union
-from ...kernels.primitive_set import PrimitiveSet
+from ...fitter.refine.sweep_axis import turned_copies
+from ...kernels.field.adjoint import differentiable_union
+from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROW
-from .kernels import Workload, measure, scene_points, scene_rows
+from .harness import Workload, measure, scene_points, scene_rows
 
 POINTS = 200_000
 COUNTS = (2, 4, 8, 16, 32, 64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...assembly.atomic_write import replacing
 from ...assembly.transform import Transform
-from ...target.load import load_mesh
+from ...shape.load import load_mesh
 from .options import output_folder
 
 Part = tuple[np.ndarray, np.ndarray]

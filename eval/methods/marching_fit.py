@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ...fitter.levenberg import levenberg
-from ...kernels.field import evaluate_primitives
-from ...kernels.owned_points import owned_points, shared_points
-from ...kernels.primitive_set import PrimitiveSet
+from ...fitter.refine.levenberg import levenberg
+from ...kernels.field.evaluate import evaluate_primitives
+from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.refine.point_batches import point_batches, shared_points
 from .marching_regions import LevelRegion, region_candidates
 
 FAMILY = "superquadric"
@@ -187,7 +187,7 @@ def _settle(
         squares = np.bincount(owners, weight * residual**2, count)
         total = np.bincount(owners, weight, count)
         noise = np.maximum(np.sqrt(squares / np.maximum(total, 1e-9)), config.noise[1])
-        owned = owned_points(points, owners, count, target, np.sqrt(weight), device=device)
+        owned = point_batches(points, owners, count, target, np.sqrt(weight), device=device)
         rows, _ = levenberg(rows, [FAMILY] * count, owned, np.full(count, beta), config.steps, device)
     return rows
 

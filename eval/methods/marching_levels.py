@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from ...kernels.field import evaluate_primitives
-from ...kernels.primitive_set import PrimitiveSet
+from ...kernels.field.evaluate import evaluate_primitives
+from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROTATION, ROW, SHAPES, TRANSLATION
 from .marching_fit import FAMILY, MarchingFitConfig, fit_level
 from .marching_regions import regions_below

@@ -52,10 +52,10 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
     from ...assembly.transform import Transform
-    from ...kernels.launch import choose_device
-    from ...target.grid import distance_grid
-    from ...target.load import load_mesh
-    from ...target.solid import decide_solid
+    from ...kernels.runtime.launch import choose_device
+    from ...shape.grid import distance_grid
+    from ...shape.load import load_mesh
+    from ...shape.solid import decide_solid
     from .marching_fit import FAMILY
     from .marching_levels import march
 

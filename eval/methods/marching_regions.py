@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...decomposition.region import label_components, true_box
-from ...decomposition.starts import quaternions
+from ...fitter.propose.initial_primitives import quaternions
 from ...kernels.rows import ROTATION, SHAPES, TRANSLATION, empty_rows
 
 START_EXPONENTS = (1.0, 1.0)

@@ -34,9 +34,9 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     from ...assembly.assembly import Assembly
     from ...assembly.colors import palette_color
     from ...assembly.provenance import Provenance
-    from ...fitter.stages import fit_stages
-    from ...kernels.launch import choose_device
-    from ...target.target import make_target
+    from ...fitter.pipeline import fit_stages
+    from ...kernels.runtime.launch import choose_device
+    from ...shape.target import make_target
 
     config = configuration(options)
     device = choose_device(config.device)

@@ -72,7 +72,7 @@ def read_primitives(document: Any, mesh_path: Path, options: Mapping[str, Any]) 
         primitives.append(Primitive(family, f"part_{number:02d}", pose, shape, 0.0, palette_color(number)))
     if options["align"] == "none":
         return Assembly(tuple(primitives), Transform(1.0 / scale, _numbers(middle)))
-    from ...target.load import load_mesh
+    from ...shape.load import load_mesh
 
     vertices = load_mesh(mesh_path).vertices
     return Assembly(tuple(primitives), Transform.from_bounds(vertices.min(axis=0), vertices.max(axis=0)))

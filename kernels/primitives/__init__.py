@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from resfit.errors import AssemblyError
 
-from ..family import Family, Parameter
+from .family import Family, Parameter
 
 __all__ = ["FAMILIES", "Family", "Parameter", "family"]
 

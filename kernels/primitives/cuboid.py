@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..family import Family, size_parameter
 from ..rows import SHAPES_C
 from ..vector_math import larger
+from .family import Family, size_parameter
 
 
 @wp.struct

@@ -1,15 +1,16 @@
 """SuperFrustum: one signed distance for boxes, cylinders, cones, spheres, tori, bent and hollow forms.
 
-Stages (spec section 3): straighten the arc, distance in the profile plane, distance in the (inset, height) half
-plane, dilation. This is the variant without jumps behind the arc's centre (spec 4.4, "seam").
+Stages (docs/superfrustum.md): straighten the arc, distance in the profile plane, distance in the (inset, height) half
+plane, dilation. The field has no jumps (superfrustum.md, "Behind the arc's centre").
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ..bend import Bend, behind_centre, derive_bend, straighten, straighten_other
-from ..family import (
+from ..rows import SHAPES_C
+from ..vector_math import larger, smaller
+from .family import (
     Family,
     Parameter,
     dilation_parameter,
@@ -17,10 +18,9 @@ from ..family import (
     roundness_parameter,
     size_parameter,
 )
-from ..profile import Profile, derive_profile, sdf_profile
-from ..rows import SHAPES_C
-from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
-from ..vector_math import larger, smaller
+from .stages.bend import Bend, behind_centre, derive_bend, straighten, straighten_other
+from .stages.profile import Profile, derive_profile, sdf_profile
+from .stages.trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
 
 
 @wp.struct
@@ -79,7 +79,8 @@ def reach_superfrustum(s: SuperFrustum, x: float, y: float, z: float, radius: fl
     """Bound on the field's change within `radius` of a local point.
 
     Straight: the field is 1-Lipschitz. Bent: |grad| <= max(1, h / (theta r)) at distance r from the arc's centre
-    (spec section 9); the seam adds at most twice that behind it. Unbounded where the ball holds the centre.
+    (superfrustum.md, "Lipschitz constant and reach"); the seam adds at most twice that behind it. Unbounded where the
+    ball holds the centre.
     """
     along = s.bend.cosine - s.bend.curvature * x
     across = s.bend.curvature * z
@@ -203,5 +204,5 @@ FAMILY = Family(
     reach=reach_superfrustum,
     glsl=GLSL,
     fast=sdf_superfrustum_fast,
-    slow_zone=slow_zone_superfrustum,
+    seam_zone=slow_zone_superfrustum,
 )

@@ -1,4 +1,4 @@
-"""SuperFrustum's value and all derivatives, hand-written and free of branches (spec sections 4 to 7).
+"""SuperFrustum's value and all derivatives, hand-written and free of branches (superfrustum.md, "Derivatives").
 
 Derivatives come in the order of the row's shape: size (3), roundness, dilation, taper, bulge, onion. At the arc's
 centre the derivative is unbounded: whoever sums over points clips per point.
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..bend import straighten_grad, straighten_other_grad
-from ..profile import sdf_profile_grad, sdf_profile_shape_grad
 from ..rows import Derivatives
-from ..trapezoid import sdf_trapezoid_grad
 from ..vector_math import HALF_PI
+from .stages.bend import straighten_grad, straighten_other_grad
+from .stages.profile import sdf_profile_grad, sdf_profile_shape_grad
+from .stages.trapezoid import sdf_trapezoid_grad
 from .superfrustum import SuperFrustum
 
 

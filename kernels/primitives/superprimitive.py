@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..family import Family, dilation_parameter, onion_parameter, roundness_parameter, size_parameter
-from ..profile import Profile, derive_profile, sdf_profile
 from ..rows import SHAPES_C
-from ..trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
+from .family import Family, dilation_parameter, onion_parameter, roundness_parameter, size_parameter
+from .stages.profile import Profile, derive_profile, sdf_profile
+from .stages.trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
 
 
 @wp.struct

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..profile import sdf_profile_grad, sdf_profile_shape_grad
 from ..rows import Derivatives
-from ..trapezoid import sdf_trapezoid_grad
+from .stages.profile import sdf_profile_grad, sdf_profile_shape_grad
+from .stages.trapezoid import sdf_trapezoid_grad
 from .superprimitive import Superprimitive
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..family import Family, Parameter, size_parameter
 from ..rows import SHAPES_C
+from .family import Family, Parameter, size_parameter
 
 
 @wp.struct

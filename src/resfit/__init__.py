@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from resfit.assembly.transform import Transform
     from resfit.errors import ResfitError
     from resfit.fitter.config import FitConfig
-    from resfit.result import FitResult
+    from resfit.result.fit_result import FitResult
 
     __version__: str
 
@@ -40,7 +40,7 @@ __all__ = [
 _HOMES = {
     "Assembly": "resfit.assembly.assembly",
     "FitConfig": "resfit.fitter.config",
-    "FitResult": "resfit.result",
+    "FitResult": "resfit.result.fit_result",
     "Pose": "resfit.assembly.primitive",
     "Primitive": "resfit.assembly.primitive",
     "ResfitError": "resfit.errors",
@@ -62,8 +62,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'resfit' has no attribute '{name}'")
     with without_collector():
         value = getattr(import_module(_HOMES[name]), name)
-    if name != "export":
-        globals()[name] = value
+    globals()[name] = value
     return value
 
 

@@ -15,23 +15,23 @@ import warp as wp
 from resfit.assembly.transform import Transform
 from resfit.clock import Clock, timed
 from resfit.errors import InputError
-from resfit.export.by_suffix import export_assembly as export
+from resfit.exports.by_suffix import export_assembly as export
 from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.progress import TARGET_SHARE, Progress
-from resfit.kernels import launch, module_loading
 from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
+from resfit.kernels.runtime import launch, module_loading
 from resfit.loading import load_behind, without_collector
-from resfit.target.reader import MeshReader, reading
+from resfit.shape.background_load import MeshReader, reading
 
 if TYPE_CHECKING:
     import trimesh
 
     from resfit.assembly.assembly import Assembly
-    from resfit.eval.evaluate import Align
-    from resfit.result import FitResult
-    from resfit.target.target import Target
+    from resfit.eval.metrics.evaluate import Align
+    from resfit.result.fit_result import FitResult
+    from resfit.shape.target import Target
 
 __all__ = ["FitConfig", "Progress", "evaluate", "export", "fit"]
 
@@ -108,15 +108,15 @@ def fit(
     ):
         target = _measure(source, config, device, tell, clock, timings)
         # There by now, or nearly: `_measure` had them loaded in the background.
-        from resfit.additions import add_stages
-        from resfit.fitter.stages import fit_stages
-        from resfit.measure import measure_outcome
+        from resfit.fitter.pipeline import fit_stages
+        from resfit.result.additions import add_stages
+        from resfit.result.measure import measure_outcome
     limited = config
     if config.timeout:
         # It counts from the call, not from the first round; once it is over, not even one is begun.
         limited = replace(config, timeout=max(1e-9, config.timeout - begin.wall_s))
     if start is not None and objective == "chamfer":
-        from resfit.moving import move_parts
+        from resfit.result.moving import move_parts
 
         return move_parts(
             start, target, config, limited.timeout, mesh_or_path, tell, should_stop, clock, timings
@@ -167,7 +167,7 @@ def evaluate(
         InputError: if something cannot be read.
     """
     with without_collector():
-        from resfit.eval.evaluate import evaluate as evaluate_prediction
+        from resfit.eval.metrics.evaluate import evaluate as evaluate_prediction
 
     prediction = getattr(prediction, "assembly", prediction)
     return evaluate_prediction(prediction, target, align=align, emd=emd, features=features, device=device)
@@ -274,9 +274,9 @@ def _measure(
     Its modules, with trimesh and SciPy, are loaded only here, while the kernels load: that takes no interpreter. Nor
     does much of the measuring: the modules of what comes after it are loaded meanwhile.
     """
-    from resfit.target.target import make_target
+    from resfit.shape.target import make_target
 
-    load_behind("scipy.spatial", "resfit.additions", "resfit.measure")
+    load_behind("scipy.spatial", "resfit.result.additions", "resfit.result.measure")
 
     def begin(stage: str) -> None:
         done = TARGET_STAGES.index(stage) / len(TARGET_STAGES) if stage in TARGET_STAGES else 0.0

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 
-from resfit.kernels.forks import unforked
+from resfit.kernels.runtime.forks import unforked
 
 _process_is_ours = False
 

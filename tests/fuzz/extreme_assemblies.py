@@ -84,8 +84,9 @@ def ball() -> trimesh.Trimesh:
 
 def picture(path: Path, _: Assembly) -> None:
     """As `resfit view --screenshot` draws it."""
-    from resfit.viewer.probe import prepare
-    from resfit.viewer.show import Request, save_screenshot
+    from resfit.viewer.open_view import save_screenshot
+    from resfit.viewer.scene.opengl_check import prepare
+    from resfit.viewer.scene.request import Request
 
     prepare(True)
     save_screenshot(Request([path], show=["labels"], size=(320, 240)), path.with_name("p.png"))

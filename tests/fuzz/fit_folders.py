@@ -180,7 +180,7 @@ def read_history(folder: Path) -> None:
 def play(folder: Path) -> None:
     """As the viewer does."""
     from resfit import Assembly
-    from resfit.viewer.playback import load_playback
+    from resfit.viewer.playback.playback import load_playback
 
     load_playback(folder, Assembly.load(folder / "assembly.json"))
 
@@ -189,9 +189,9 @@ def read_report(folder: Path) -> None:
     """As pages, the list of parts, the viewer and the saving do."""
     from resfit import Assembly
     from resfit.assembly.worth import part_worths
-    from resfit.export.facts import read_report, report_facts
-    from resfit.folder import holds_fit
-    from resfit.viewer.documents import reported_mesh
+    from resfit.exports.facts import read_report, report_facts
+    from resfit.result.folder import holds_fit
+    from resfit.viewer.model.documents import reported_mesh
 
     report_facts(read_report(folder))
     part_worths(Assembly.load(folder / "assembly.json"), folder / "assembly.json")
@@ -202,7 +202,7 @@ def read_report(folder: Path) -> None:
 def enter(folder: Path) -> None:
     """As the gallery does."""
     from resfit.cli.gallery import fit_command
-    from resfit.eval.gallery import read_entry
+    from resfit.eval.report.gallery import read_entry
 
     entry = read_entry(folder, fit_command)
     if entry and len(entry.command.splitlines()) > 1:
@@ -211,7 +211,7 @@ def enter(folder: Path) -> None:
 
 def shrink(folder: Path) -> None:
     """As the gallery does with the picture."""
-    from resfit.eval.gallery import thumbnail
+    from resfit.eval.report.gallery import thumbnail
 
     thumbnail(folder / "preview.png")
 

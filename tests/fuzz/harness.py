@@ -109,7 +109,7 @@ class Worker:
     def run(self, case: Case) -> Outcome:
         """Try one case."""
         if self._process is None:
-            self._start()
+            self._process = self._start()
         begin = time.monotonic()
         try:
             self._pipe.send(case)
@@ -136,13 +136,14 @@ class Worker:
         self._stop()
         shutil.rmtree(self._base, ignore_errors=True)
 
-    def _start(self) -> None:
+    def _start(self) -> Any:
+        """A new process, which waits for cases."""
         context = multiprocessing.get_context("spawn")
         self._pipe, far = context.Pipe()
         campaign = self.campaign
         arguments = (far, campaign.attempt, campaign.address_space, self._base)
-        self._process = context.Process(target=serve, args=arguments)
-        self._process.start()
+        process = self._process = context.Process(target=serve, args=arguments)
+        process.start()
         far.close()
         try:
             ready = self._pipe.poll(START_SECONDS) and self._pipe.recv()
@@ -151,6 +152,7 @@ class Worker:
         if not ready:
             self._stop()
             raise RuntimeError(f"the worker of '{campaign.name}' does not start")
+        return process
 
     def _stop(self) -> None:
         if self._process is None:

@@ -83,7 +83,7 @@ def warp_cache() -> str:
     """Where Warp keeps kernels."""
     import warp
 
-    from resfit.kernels.launch import start as start_warp
+    from resfit.kernels.runtime.launch import start as start_warp
 
     start_warp()
     return str(warp.config.kernel_cache_dir)

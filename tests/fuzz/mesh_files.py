@@ -51,8 +51,8 @@ def cases(rng: random.Random) -> Iterator[Case]:
 
 def attempt(case: Case, folder: Path) -> str:
     """Read one file, and measure what it holds."""
-    from resfit.target.load import load_mesh
-    from resfit.target.target import make_target
+    from resfit.shape.load import load_mesh
+    from resfit.shape.target import make_target
 
     kind, _, name = case.name.partition(" ")
     if kind == "path":
@@ -76,7 +76,7 @@ def attempt(case: Case, folder: Path) -> str:
 @cache
 def device() -> wp.Device:
     """The CPU: GPUs allocate address space that the worker does not have."""
-    from resfit.kernels.launch import choose_device
+    from resfit.kernels.runtime.launch import choose_device
 
     return choose_device("cpu")
 

@@ -22,7 +22,7 @@ from fuzz.commands import FILES, digests, leftovers
 from fuzz.harness import Campaign, Case, Wrong
 
 if TYPE_CHECKING:
-    from resfit.result import FitResult
+    from resfit.result.fit_result import FitResult
 
 EVENTS = {
     "os.rename", "os.remove", "os.mkdir", "os.rmdir", "shutil.rmtree", "open", "os.link", "os.symlink", "ctypes.dlsym",
@@ -93,7 +93,7 @@ def results() -> dict[str, FitResult]:
 
 def judge(folder: Path, old: dict[str, str], new: dict[str, str]) -> str:
     """What is wrong with a folder, nothing if it holds no fit, the old one or the new one."""
-    from resfit.folder import holds_fit
+    from resfit.result.folder import holds_fit
 
     if not folder.is_dir() or not holds_fit(folder):
         return ""
@@ -133,7 +133,7 @@ def every_moment(folder: Path, old: str, new: str) -> None:
 
 def fill(folder: Path, text: str = "x") -> None:
     """Save a stand-in for a fit."""
-    from resfit.folder import OURS, filling
+    from resfit.result.folder import OURS, filling
 
     with filling(folder) as temporary:
         for name in OURS:
@@ -142,7 +142,7 @@ def fill(folder: Path, text: str = "x") -> None:
 
 def stale(folder: Path) -> None:
     """A killed run of the same process number left its temporary folder."""
-    from resfit.folder import check_folder
+    from resfit.result.folder import check_folder
 
     (folder / f".a.resfit-{os.getpid()}.tmp").mkdir()
     check_folder(folder / "a")
@@ -158,7 +158,7 @@ def stale_within(folder: Path) -> None:
 
 def race(folder: Path) -> None:
     """Another process writes the same new folder meanwhile."""
-    from resfit.folder import filling
+    from resfit.result.folder import filling
 
     with filling(folder / "a") as mine:
         (mine / "report.json").write_text('{"format": "resfit-report"}')
@@ -190,7 +190,7 @@ def threads(folder: Path) -> None:
 
 def alike(folder: Path) -> None:
     """Two saves at once to folders whose names begin with the same 60 letters."""
-    from resfit.folder import filling
+    from resfit.result.folder import filling
 
     with filling(folder / ("x" * 60 + "1")) as mine:
         (mine / "report.json").write_text("{}")
@@ -199,7 +199,7 @@ def alike(folder: Path) -> None:
 
 def emptied(folder: Path) -> None:
     """The earlier result is removed meanwhile."""
-    from resfit.folder import filling
+    from resfit.result.folder import filling
 
     fill(folder / "a")
     with filling(folder / "a") as mine:
@@ -212,7 +212,7 @@ def emptied(folder: Path) -> None:
 def taken(folder: Path) -> None:
     """Somebody makes the folder meanwhile, with a file of theirs: it stays."""
     from resfit.errors import InputError
-    from resfit.folder import filling
+    from resfit.result.folder import filling
 
     theirs = folder / "a" / "mine.txt"
     try:
@@ -230,7 +230,7 @@ def named(name: str) -> Callable[[Path], None]:
     """A folder's name that just fits."""
 
     def save(folder: Path) -> None:
-        from resfit.folder import check_folder
+        from resfit.result.folder import check_folder
 
         check_folder(folder / name)
         fill(folder / name)

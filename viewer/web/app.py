@@ -15,8 +15,8 @@ from typing import Any
 
 from resfit.errors import InputError, ResfitError
 
-from ..controller import Controller
-from ..edits import PartRef
+from ..model.edit_session import PartRef
+from ..scene.controller import Controller
 from .picture import Picture
 from .pointer import LOOK, Pointer
 from .state import is_offered, page_state, save_folder, save_name, save_path

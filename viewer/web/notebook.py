@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...assembly.assembly import Assembly
 
 if TYPE_CHECKING:
-    from ..controller import Controller
+    from ..scene.controller import Controller
     from .serve import PageServer
 
 
@@ -72,13 +72,13 @@ async def show(
     from .extra import require_web
 
     require_web()
-    from ..comparison import Comparison
-    from ..controller import Controller
-    from ..documents import Document, open_documents
-    from ..edits import EditSession
-    from ..probe import probe_rendering, require
-    from ..scene import Scene
-    from ..stage import make_plotter
+    from ..model.comparison import Comparison
+    from ..model.documents import Document, open_documents
+    from ..model.edit_session import EditSession
+    from ..scene.controller import Controller
+    from ..scene.opengl_check import probe_rendering, require
+    from ..scene.plotter import make_plotter
+    from ..scene.scene import Scene
     from .serve import PageServer
 
     mesh = None if target is None else Path(target)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Scene
-from ..stage import is_software, smooth
+from ..scene.plotter import is_software, smooth
+from ..scene.scene import Scene
 
 SMALLEST, LARGEST = 64, 2560
 """Pixels a side."""

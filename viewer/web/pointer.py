@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..commands import find_command
-from ..controller import Controller
+from ..model.commands import find_command
+from ..scene.controller import Controller
 from .picture import Picture
 from .state import is_offered
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from resfit.errors import InputError
 
-from ..controller import Controller
+from ..scene.controller import Controller
 from .app import App
 from .guard import Gate, guard
 from .layout import build_page

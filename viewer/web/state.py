@@ -13,11 +13,11 @@ from resfit.errors import InputError, ResfitError
 from ...assembly.assembly import Assembly
 from ...assembly.primitive import shown
 from ...kernels.primitives import FAMILIES
-from ..commands import COMMAND_OF, Command
-from ..controller import Controller
-from ..edits import PartRef
-from ..parameters import Slider
-from ..view import COMPARING
+from ..model.commands import COMMAND_OF, Command
+from ..model.edit_session import PartRef
+from ..model.parameters import Slider
+from ..model.view_options import COMPARING
+from ..scene.controller import Controller
 
 ELSEWHERE = ("gizmo", "rename", "export", "screenshot", "help", "quit")
 """Commands of the window that the page has no use for, or offers in another way."""

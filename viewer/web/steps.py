@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..controller import Controller
-from ..edits import EditSession
-from ..playback import Frame, load_playback
+from ..model.edit_session import EditSession
+from ..playback.playback import Frame, load_playback
+from ..scene.controller import Controller
 
 
 class Steps:

@@ -145,10 +145,10 @@ def ablation(
 ) -> int:
     """Fit meshes in all variants of some studies and write the tables; see `bench`."""
     from resfit.cli.compare import brief, say
-    from resfit.eval.ablation import check_studies, run_studies
-    from resfit.eval.ablation_report import FILES, say_all, write_ablation
-    from resfit.eval.compare import check_out
-    from resfit.eval.datasets import find_shapes
+    from resfit.eval.batch.compare import check_out
+    from resfit.eval.batch.datasets import find_shapes
+    from resfit.eval.bench.ablation import check_studies, run_studies
+    from resfit.eval.bench.ablation_report import FILES, say_all, write_ablation
 
     asked = check_studies(studies.split(","))
     shapes = find_shapes(meshes)

@@ -15,7 +15,7 @@ from typing import Any
 
 from resfit.errors import ResfitError
 from resfit.extras import command_for, requirements, run_command
-from resfit.viewer.probe import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
+from resfit.viewer.scene.opengl_check import PACKAGES, SECONDS, finish_child, probe_rendering, start_child
 
 CHILD_SECONDS = SECONDS
 
@@ -137,7 +137,7 @@ def _packages() -> str:
 def _kernel_cache() -> str:
     import warp as wp
 
-    from resfit.kernels.launch import start
+    from resfit.kernels.runtime.launch import start
 
     start()
     folder = Path(wp.config.kernel_cache_dir or "")
@@ -147,8 +147,8 @@ def _kernel_cache() -> str:
 def _devices(device: str) -> str:
     import warp as wp
 
-    from resfit.kernels.cores import core_count
-    from resfit.kernels.launch import choose_device
+    from resfit.kernels.runtime.cores import core_count
+    from resfit.kernels.runtime.launch import choose_device
 
     chosen = choose_device(device)
     names = [f"{found.alias} ({found.name})" for found in wp.get_devices()]
@@ -165,19 +165,19 @@ def _kernels(device: str) -> str:
 
 
 def _warm(device: str) -> str:
-    from resfit.kernels.launch import choose_device
-    from resfit.kernels.warm import warm_kernels
+    from resfit.kernels.precompile import precompile_kernels
+    from resfit.kernels.runtime.launch import choose_device
 
     begin = time.perf_counter()
-    warm_kernels(choose_device(device))
+    precompile_kernels(choose_device(device))
     return f"every kernel is compiled; {time.perf_counter() - begin:.1f} s"
 
 
 def _ray_tracer(device: str) -> str:
     import numpy as np
 
-    from resfit.kernels.camera import Camera
-    from resfit.kernels.raytrace import render_assembly
+    from resfit.kernels.render.camera import Camera
+    from resfit.kernels.render.raytrace import render_assembly
 
     assembly = _box()
     camera = Camera((2.0, 3.0, 4.0))

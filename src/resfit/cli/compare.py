@@ -42,10 +42,10 @@ def compare(
         fresh: do finished rows again.
         device: of the metrics: auto (the CPU), cpu or cuda:0.
     """
-    from resfit.eval.compare import Comparison, check_methods, check_out, run_comparison
-    from resfit.eval.datasets import find_shapes, select_diverse
+    from resfit.eval.batch.compare import Comparison, check_methods, check_out, run_comparison
+    from resfit.eval.batch.datasets import find_shapes, select_diverse
     from resfit.eval.methods import split_methods
-    from resfit.eval.report import FILES, write_report
+    from resfit.eval.report.comparison import FILES, write_report
 
     known = known_methods()
     if methods == "help":
@@ -108,7 +108,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
     Args:
         rows: of the comparison.
     """
-    from resfit.eval.report_tables import tables_of
+    from resfit.eval.report.tables import tables_of
 
     tables = tables_of(rows)
     if not tables:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from resfit.cli.fit import run_fit
+from resfit.cli.single import run_fit
 
 MESH = "potted_cactus.glb"
 
@@ -26,7 +26,7 @@ def demo(
         preset: how much work to spend.
         device: auto (the CPU), cpu or cuda:0.
     """
-    from resfit.folder import default_folder
+    from resfit.result.folder import default_folder
 
     with as_file(files("resfit.data") / MESH) as mesh:
         return run_fit(

@@ -42,7 +42,7 @@ def export(
         raise InputError("resfit export needs at least one file to write, such as chair.glb.")
     assembly = assembly_file(assembly)
     from resfit.assembly.assembly import Assembly
-    from resfit.export.by_suffix import PAGES, check_path, export_assembly
+    from resfit.exports.by_suffix import PAGES, check_path, export_assembly
 
     for path in outputs:
         check_path(path)
@@ -78,8 +78,8 @@ def export_page(
         mesh: file of the input.
         up: what points up at first; None goes by the input's format.
     """
-    from resfit.export.facts import at, read_report, report_facts, up_axis
-    from resfit.export.html import write_html
+    from resfit.exports.facts import at, read_report, report_facts, up_axis
+    from resfit.exports.html import write_html
 
     report = {} if fit is None else read_report(fit)
     digest = at(report, "input", "sha256")
@@ -88,7 +88,7 @@ def export_page(
         report = {}
     loaded = None
     if mesh is not None:
-        from resfit.target.load import load_mesh
+        from resfit.shape.load import load_mesh
 
         loaded = load_mesh(mesh)
     source = mesh.name if mesh is not None else str(at(report, "input", "name") or "")

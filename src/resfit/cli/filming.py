@@ -24,7 +24,7 @@ def make_film(
     """Write a film and say where it is.
 
     Args:
-        request: a `resfit.viewer.show.Request`, what to show.
+        request: a `resfit.viewer.scene.request.Request`, what to show.
         path: of the film.
         motion: what moves; by what is there unless given.
         seconds: that it takes; by its motion unless given.
@@ -34,7 +34,7 @@ def make_film(
         InputError: if something cannot be read or written.
         DisplayError: if nothing can be drawn here.
     """
-    from resfit.viewer.film import FilmRequest, save_film
+    from resfit.viewer.playback.film import FilmRequest, save_film
 
     with _bar() as tell:
         made = save_film(request, FilmRequest(path, motion, seconds, fps), tell)

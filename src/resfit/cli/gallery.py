@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from resfit.assembly.report import REPORT
 from resfit.cli.terminal import summarise, tell
 from resfit.errors import AssemblyError, InputError
-from resfit.folder import REPORT
 
 if TYPE_CHECKING:
-    from resfit.eval.gallery import Entry
+    from resfit.eval.report.gallery import Entry
 
 FAILED = 3
 
@@ -72,8 +72,8 @@ def gallery(
 
 def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: float, title: str) -> int:
     """The same with all that is needed given."""
-    from resfit.eval.gallery import find_fits, summary, write_gallery
-    from resfit.eval.results import find_meshes
+    from resfit.eval.report.gallery import find_fits, summary, write_gallery
+    from resfit.eval.report.results import find_meshes
 
     folders = [path for path in paths if path.is_dir()]
     files = [path for path in paths if not path.is_dir()]
@@ -108,7 +108,7 @@ def read_entries(folders: list[Path]) -> list[Entry]:
     Those whose assembly cannot be read are left out, and said.
     """
     from resfit.assembly.assembly import Assembly
-    from resfit.eval.gallery import read_entry
+    from resfit.eval.report.gallery import read_entry
 
     found = {folder.resolve(): read_entry(folder, fit_command) for folder in folders}
     entries = []
@@ -126,7 +126,7 @@ def read_entries(folders: list[Path]) -> list[Entry]:
 
 def fit_all(meshes: list[Path], work: Path, preset: str, timeout: float) -> int:
     """Fit meshes, one process each; returns 3 if one failed, else 0. A fit's folder is filled at once or not at all."""
-    from resfit.eval.results import fit_one
+    from resfit.eval.report.results import fit_one
 
     failed = 0
     work = work / preset

@@ -7,9 +7,9 @@ from collections import Counter
 from pathlib import Path
 
 from resfit.errors import InputError
-from resfit.folder import default_folder, holds_fit
-from resfit.target.formats import MESH_SUFFIXES
-from resfit.target.mesh_path import check_mesh_path
+from resfit.result.folder import default_folder, holds_fit
+from resfit.shape.formats import MESH_SUFFIXES
+from resfit.shape.mesh_path import check_mesh_path
 
 ASSEMBLY = "assembly.json"
 

@@ -30,7 +30,8 @@ STAGES = {
     "prune": "pruning",
     "finish": "finishing",
     "parts": "fitting the mesh's parts",
-    "curve": "cutting down",
+    "reduce": "doing with fewer parts",
+    "curve": "finding the trade-off",
     "snap": "making it regular",
 }
 """What people are told; a stage that is not here goes by its own name."""

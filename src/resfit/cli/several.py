@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from resfit.cli.failures import FAILED, STOPPED, answered, complain
-from resfit.cli.fit import fit_and_write
 from resfit.cli.inputs import check_mesh
 from resfit.cli.progress import ProgressMode
+from resfit.cli.single import fit_and_write
 from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.watching import Watcher
 from resfit.clock import Clock
 from resfit.errors import InputError
-from resfit.folder import check_folder, default_folder
 from resfit.loading import without_collector
+from resfit.result.folder import check_folder, default_folder
 
 
 def fit_each(
@@ -79,7 +79,7 @@ def _check_options(options: dict[str, Any]) -> None:
     """
     with without_collector():
         from resfit.api import check_objective, make_config
-        from resfit.kernels.launch import choose_device
+        from resfit.kernels.runtime.launch import choose_device
 
     own = ("preset", "init", "objective")
     fields = {name: value for name, value in options.items() if name not in own}

@@ -76,7 +76,8 @@ def view(
     if not web and (host, port) != (LOCALHOST, 0):
         raise InputError("--host and --port are of the page; they need --web.")
     paths = [assembly_file(path) for path in assemblies]
-    from resfit.viewer.show import Request, open_page, open_window, save_screenshot
+    from resfit.viewer.open_view import open_page, open_window, save_screenshot
+    from resfit.viewer.scene.request import Request
 
     request = Request(
         paths=paths,
@@ -98,7 +99,7 @@ def view(
     elif screenshot is not None:
         save_screenshot(request, screenshot)
     elif play:
-        from resfit.viewer.player import open_player
+        from resfit.viewer.playback.player import open_player
 
         open_player(request)
     elif web:

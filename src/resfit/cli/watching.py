@@ -11,7 +11,7 @@ from resfit.cli.progress import STAGES
 
 if TYPE_CHECKING:
     from resfit.fitter.progress import Progress
-    from resfit.result import FitResult
+    from resfit.result.fit_result import FitResult
 
 
 class Watcher:
@@ -28,8 +28,8 @@ class WindowWatcher(Watcher):
     """Shows the fit in a window."""
 
     def __init__(self, mesh: Path, family: str) -> None:
-        from resfit.export.facts import up_axis
-        from resfit.viewer.live import LiveView
+        from resfit.exports.facts import up_axis
+        from resfit.viewer.playback.fit_window_client import LiveView
 
         self.live = LiveView(mesh, family, up_axis(mesh.name))
 
@@ -60,7 +60,7 @@ def watching(mesh: Path, wanted: bool, family: str) -> Iterator[Watcher]:
     if not wanted:
         yield Watcher()
         return
-    from resfit.viewer.live import require_screen
+    from resfit.viewer.playback.fit_window_client import require_screen
 
     require_screen()
     watcher = WindowWatcher(mesh, family)

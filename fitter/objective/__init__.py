@@ -1,0 +1,1 @@
+"""The objective of a fit, on samples of its target."""

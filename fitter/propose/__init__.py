@@ -1,0 +1,1 @@
+"""Candidates: primitives fitted to regions from many starts."""

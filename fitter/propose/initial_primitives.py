@@ -1,0 +1,142 @@
+"""Starting primitives for regions: rows of many hypotheses of what each is, of which fitting keeps the best.
+
+The rows of families other than the SuperFrustum are the hypotheses that their parameters can express.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...decomposition.region import Region, spread_indices
+from ...kernels.primitives import Family
+from ...kernels.primitives import family as find_family
+from ...kernels.rows import ROTATION, ROW, SHAPES, TRANSLATION, empty_rows
+from .hypotheses import Hypotheses, guess_shapes
+
+STARTS = 33
+"""Hypotheses a region, at most."""
+
+SAMPLES = 512
+"""Points of a region that starts are estimated from."""
+
+HALF_CELL = 1.0 / 128.0
+"""Half a cell of a grid of 128, for points that come without a grid."""
+
+
+def region_starts(
+    region: Region | np.ndarray, family: str = "superfrustum", count: int = STARTS
+) -> tuple[np.ndarray, list[str]]:
+    """Starting rows for one region, the likeliest and most different hypotheses first.
+
+    Args:
+        region: a region, or points (m, 3) spread over its volume, normalised frame, from a grid of 128.
+        family: of the primitives.
+        count: rows at most.
+
+    Returns:
+        Rows (s, ROW) float32 with blend 0 and gate 1, and their kinds; none for a region without points.
+    """
+    rows, _, kinds = all_starts([region], family, count)
+    return rows, kinds
+
+
+def all_starts(
+    regions: Sequence[Region | np.ndarray], family: str = "superfrustum", count: int = STARTS
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """`region_starts` of many regions: rows (s, ROW), the region (s,) int32 that each is for, and the kinds."""
+    entry = find_family(family)
+    samples = [_sample(region) for region in regions]
+    present = [index for index, points in enumerate(samples) if len(points)]
+    if not present:
+        return empty_rows(0), np.zeros(0, np.int32), []
+    points = np.stack([samples[index] for index in present]).astype(np.float64)
+    cells = [regions[index] for index in present]
+    half_cell = np.array([1.0 / cell.resolution if isinstance(cell, Region) else HALF_CELL for cell in cells])
+    covariance = np.stack([_covariance(cell) for cell in cells])
+    guesses = guess_shapes(points, covariance, half_cell)
+    guesses = guesses.take(_expressible(guesses, entry))
+    guesses = guesses.take(_place_in_group(guesses.region) < count)
+    owners = np.array(present, np.int32)[guesses.region]
+    return hypothesis_rows(guesses, entry), owners, guesses.kind.tolist()
+
+
+def _sample(region: Region | np.ndarray) -> np.ndarray:
+    """SAMPLES points, some of them repeated where there are fewer; none if there are none."""
+    points = region.sample(SAMPLES) if isinstance(region, Region) else np.asarray(region)
+    if len(points) == 0 or len(points) == SAMPLES:
+        return points
+    return points[spread_indices(len(points), SAMPLES)]
+
+
+def _covariance(region: Region | np.ndarray) -> np.ndarray:
+    """Covariance (3, 3) of a region's points."""
+    if isinstance(region, Region):
+        return region.covariance()
+    centred = region - region.mean(axis=0)
+    return centred.T @ centred / len(region)
+
+
+def _place_in_group(owner: np.ndarray) -> np.ndarray:
+    """Place of each entry among the equal ones of a sorted array."""
+    return np.arange(len(owner)) - np.searchsorted(owner, owner)
+
+
+def _expressible(guesses: Hypotheses, entry: Family) -> np.ndarray:
+    """Whether (g,) a family has the parameters that make a hypothesis what it is."""
+    names = {parameter.name for parameter in entry.parameters}
+    # Exponents make boxes, cylinders and ellipsoids of one size.
+    smooth = "exponents" in names
+    needed = {
+        "taper": guesses.taper != 1.0,
+        "bulge": guesses.bulge != 0.0,
+        "onion": guesses.onion > 0.0,
+        "dilation": (guesses.dilation > 0.0) & (not smooth),
+        "roundness": (guesses.roundness > 0.5) & (not smooth),
+    }
+    allowed = np.ones(len(guesses.region), bool)
+    for name, used in needed.items():
+        if name not in names:
+            allowed &= ~used
+    return allowed
+
+
+def hypothesis_rows(guesses: Hypotheses, entry: Family) -> np.ndarray:
+    """Rows (g, ROW) float32 of hypotheses, every shape inside the family's fit range."""
+    rows = empty_rows(len(guesses.region))
+    names = {parameter.name for parameter in entry.parameters}
+    values = {name: getattr(guesses, name) for name in names if hasattr(guesses, name)}
+    if "dilation" not in names:
+        values["size"] = guesses.size + 2.0 * guesses.dilation[:, None]
+    if "exponents" in names:
+        ends = np.where(guesses.dilation > 0.0, 1.0, 0.2)
+        values["exponents"] = np.stack([ends, 0.2 + 0.8 * guesses.roundness], axis=1)
+    low, high = entry.fit_range
+    shapes = rows[:, SHAPES : SHAPES + len(low)]
+    for parameter in entry.parameters:
+        columns = entry.columns(parameter.name)
+        value = np.asarray(values.get(parameter.name, np.array(parameter.default)))
+        shapes[:, columns] = value if value.ndim == 2 else value.reshape(-1, 1)
+    shapes[:] = np.clip(shapes, low, high)
+    rows[:, TRANSLATION : TRANSLATION + 3] = guesses.centre
+    rows[:, ROTATION : ROTATION + 4] = quaternions(guesses.axes)
+    return rows.reshape(-1, ROW)
+
+
+def quaternions(axes: np.ndarray) -> np.ndarray:
+    """Unit quaternions (s, 4), (w, x, y, z), of rotation matrices (s, 3, 3), local to world."""
+    diagonal = np.diagonal(axes, axis1=1, axis2=2)
+    trace = diagonal.sum(axis=1)
+    # Four times the products of the quaternion's components: [i, j] = 4 q_i q_j.
+    products = np.empty((len(axes), 4, 4))
+    products[:, 0, 0] = 1.0 + trace
+    products[:, [1, 2, 3], [1, 2, 3]] = 1.0 - trace[:, None] + 2.0 * diagonal
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        products[:, 0, 1 + k] = products[:, 1 + k, 0] = axes[:, j, i] - axes[:, i, j]
+        products[:, 1 + i, 1 + j] = products[:, 1 + j, 1 + i] = axes[:, j, i] + axes[:, i, j]
+    # The row of the largest component loses no digits.
+    largest = np.diagonal(products, axis1=1, axis2=2).argmax(axis=1)
+    found = products[np.arange(len(axes)), largest]
+    return (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)

@@ -1,0 +1,1 @@
+"""Optimisers: Levenberg-Marquardt and first-order ones, of one primitive and of all together."""

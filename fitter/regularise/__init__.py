@@ -1,0 +1,1 @@
+"""Regularity of a result: symmetry, canonical shapes, equal axes, sizes and centres."""

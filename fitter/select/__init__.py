@@ -1,0 +1,1 @@
+"""The choice among candidates, and of how many to keep."""

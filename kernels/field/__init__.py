@@ -1,0 +1,1 @@
+"""The signed distance field of primitives and of their union, its gradient and its adjoint."""

@@ -1,0 +1,1 @@
+"""Regular grids: distance transforms, lists of cells, morphology."""

@@ -1,0 +1,1 @@
+"""Triangle meshes: closest points, signs, distance grids."""

@@ -1,0 +1,1 @@
+"""Stages that families share: profile, trapezoid and bend."""

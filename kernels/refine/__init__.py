@@ -1,0 +1,1 @@
+"""Least squares of many primitives at once: residuals, normal equations, damped steps."""

@@ -1,0 +1,1 @@
+"""Pictures of fields and meshes by tracing rays."""

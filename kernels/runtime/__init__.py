@@ -1,0 +1,1 @@
+"""Devices, launches, threads, the kernel cache: what every kernel needs to run."""

@@ -1,0 +1,1 @@
+"""Which candidates cover which sample points, and what a choice among them gains."""

@@ -1,0 +1,57 @@
+"""How far an assembly's surface and its target's lie apart, both ways."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels.contour.isosurface import extract_isosurface
+from ..kernels.field.evaluate import evaluate_assembly
+from ..kernels.field.primitive_set import PrimitiveSet
+from .target import Target
+
+
+def surface_distances(target: Target, primitives: PrimitiveSet, resolution: int = 128) -> np.ndarray | None:
+    """Distances between the surfaces of an assembly and its target.
+
+    One way: the size of the assembly's field at the target's surface samples. The other way: the distance to the
+    target of as many points on the assembly's isosurface.
+
+    Args:
+        target: what the assembly should match.
+        primitives: the assembly, in the target's normalised frame.
+        resolution: cells along the isosurface's longest side.
+
+    Returns:
+        (n,) float64, normalised units; None where the assembly has no surface.
+    """
+    if not len(primitives):
+        return None
+    vertices, faces = extract_isosurface(primitives, resolution)
+    if not len(faces):
+        return None
+    surface = target.samples.surface.points
+    there = np.abs(evaluate_assembly(primitives, surface))
+    back = np.abs(target.query.signed_distance(sample_surface(vertices, faces, len(surface))))
+    return np.concatenate([there, back]).astype(np.float64)
+
+
+def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: int = 0) -> np.ndarray:
+    """Points on a triangle mesh, evenly by area.
+
+    Args:
+        vertices, faces: (v, 3) and (f, 3), f > 0.
+        count: of points.
+        seed: equal seeds give equal points.
+
+    Returns:
+        (count, 3) float32, in the order of the faces.
+    """
+    rng = np.random.default_rng(seed)
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    edges = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    places = (np.arange(count) + rng.uniform(size=count)) * (edges[-1] / max(count, 1))
+    face = np.minimum(np.searchsorted(edges, places), len(faces) - 1)
+    u, v = rng.uniform(size=(2, count, 1))
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
+    return (a[face] + u * (b - a)[face] + v * (c - a)[face]).astype(np.float32)

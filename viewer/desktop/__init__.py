@@ -1,0 +1,1 @@
+"""The desktop window: panel, gizmo, mouse and keys."""

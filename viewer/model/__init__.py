@@ -1,0 +1,1 @@
+"""What is looked at and edited, without windows and without VTK."""

@@ -1,0 +1,116 @@
+"""Turning, placing and scaling single parts, in the normalised frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from resfit.errors import InputError
+
+from ...assembly.primitive import Pose, Primitive, Quaternion, Vector
+from ...kernels.primitives import FAMILIES
+
+SMALLEST = 1e-4
+"""Normalised units: nothing is pushed thinner, because it could not be pulled open again."""
+
+
+def to_vector(values: npt.ArrayLike) -> Vector:
+    """Three numbers as a tuple of floats."""
+    x, y, z = (float(value) for value in np.asarray(values, np.float64))
+    return x, y, z
+
+
+def to_angles(rotation: Quaternion) -> Vector:
+    """Turns about x, then y, then z of the normalised frame, in degrees, of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = rotation
+    return (
+        math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))),
+        math.degrees(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))),
+        math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))),
+    )
+
+
+def to_quaternion(angles: Vector) -> Quaternion:
+    """The unit quaternion (w, x, y, z) of turns about x, then y, then z, in degrees."""
+    cx, cy, cz = (math.cos(math.radians(angle) / 2) for angle in angles)
+    sx, sy, sz = (math.sin(math.radians(angle) / 2) for angle in angles)
+    return (
+        cx * cy * cz + sx * sy * sz,
+        sx * cy * cz - cx * sy * sz,
+        cx * sy * cz + sx * cy * sz,
+        cx * cy * sz - sx * sy * cz,
+    )
+
+
+def turned(rotation: Quaternion, angles: Vector) -> Quaternion:
+    """A rotation followed by turns about x, then y, then z of the normalised frame, in degrees."""
+    w, x, y, z = to_quaternion(angles)
+    p, q, r, s = rotation
+    return _unit(
+        [
+            w * p - x * q - y * r - z * s,
+            w * q + x * p + y * s - z * r,
+            w * r - x * s + y * p + z * q,
+            w * s + x * r - y * q + z * p,
+        ]
+    )
+
+
+def pose_matrix(pose: Pose) -> np.ndarray:
+    """(4, 4) float64: local to normalised frame."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = pose.matrix()
+    matrix[:3, 3] = pose.translation
+    return matrix
+
+
+def placed(part: Primitive, matrix: npt.ArrayLike) -> Primitive:
+    """A part moved, turned and stretched.
+
+    Args:
+        part: as it was.
+        matrix: (4, 4), takes its local frame to the normalised one: a rotation with scaled columns.
+
+    Raises:
+        InputError: if the matrix flattens or mirrors the part.
+    """
+    matrix = np.asarray(matrix, np.float64)
+    factors = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not (np.isfinite(matrix).all() and factors.min() > 1e-9 and np.linalg.det(matrix[:3, :3]) > 0.0):
+        raise InputError("a part cannot be turned inside out or made flat.")
+    rotation = part.pose.rotation
+    difference = part.pose.matrix() - matrix[:3, :3] / factors
+    # Where nothing was turned or stretched, the numbers stay as they were, to the bit.
+    if np.abs(difference).max() > 1e-6:
+        rotation = _quaternion(matrix[:3, :3] / factors)
+    stretched = np.abs(factors - 1.0).max() > 1e-6
+    parameters = scaled_parameters(part, factors) if stretched else part.parameters
+    return replace(part, pose=Pose(to_vector(matrix[:3, 3]), rotation), parameters=parameters)
+
+
+def scaled_parameters(part: Primitive, factors: float | npt.ArrayLike) -> dict[str, float | Vector]:
+    """Parameters of a part after scaling: by one factor all lengths change, by three (one an axis) only the extents."""
+    values = dict(part.parameters)
+    factors = np.asarray(factors, np.float64)
+    values["size"] = to_vector(np.maximum(np.multiply(values["size"], factors), SMALLEST))
+    if factors.ndim == 0:
+        for entry in FAMILIES[part.family].parameters:
+            if entry.unit == "length" and entry.count == 1:
+                values[entry.name] = float(np.multiply(values[entry.name], factors))
+    return values
+
+
+def _unit(quaternion: npt.ArrayLike) -> Quaternion:
+    values = np.asarray(quaternion, np.float64)
+    w, x, y, z = (float(value) for value in values / np.linalg.norm(values))
+    return w, x, y, z
+
+
+def _quaternion(matrix: np.ndarray) -> Quaternion:
+    """Unit quaternion of a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return _unit(np.roll(Rotation.from_matrix(matrix).as_quat(), 1))

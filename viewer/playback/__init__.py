@@ -1,0 +1,1 @@
+"""The history of a fit, a fit while it goes on, and films."""

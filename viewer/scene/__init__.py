@@ -1,0 +1,1 @@
+"""Scenes of VTK actors, and what may be done to them."""
