@@ -140,7 +140,8 @@ def _reduce(
     fitted.copies = []
     _take(fitted, rows, target, reduction.cached_objective)
     if not early:
-        fitted.outcome.status = Status.MAX_PRIMITIVES
+        few = len(fitted.outcome.rows) < config.max_primitives
+        fitted.outcome.status = Status.SATURATED if few else Status.MAX_PRIMITIVES
     some = "part" if len(rows) == 1 else f"{len(rows)} parts"
     fitted.notes.append(f"The best {some} in place of {len(full.rows)}; raise --max-primitives for more.")
 

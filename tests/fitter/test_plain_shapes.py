@@ -60,3 +60,15 @@ def test_a_ball_has_no_size_but_its_radius() -> None:
     ).assembly.primitives
     assert list(part.parameters["size"]) == [0.0, 0.0, 0.0]
     assert list(part.pose.rotation) == [1.0, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_ellipsoid_is_three_parts_within_a_hundredth(turned: bool) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=5).apply_scale((1.0, 1.6, 0.7))
+    if turned:
+        mesh.apply_transform(trimesh.transformations.euler_matrix(0.5, -0.8, 0.3))
+    result = resfit.fit(mesh, preset="balanced", max_primitives=3)
+    assert len(result.assembly.primitives) <= 3
+    assert result.deviation is not None
+    assert result.deviation.p95 < 0.01 * 3.2

@@ -12,6 +12,9 @@ from resfit.cli.single import run_fit
 
 MESH = "potted_cactus.glb"
 
+FEW = 7
+"""Parts at most: as many as the eye counts in it."""
+
 
 def demo(
     *,
@@ -19,7 +22,7 @@ def demo(
     preset: Literal["fast", "balanced", "best"] = "balanced",
     device: str = "auto",
 ) -> int:
-    """Fit a mesh that comes with resfit, and write it to a folder: look at preview.png first.
+    """Fit at most seven parts to a mesh that comes with resfit, and write them to a folder: look at preview.png first.
 
     Args:
         output: folder to write; potted_cactus.resfit in the current folder unless given.
@@ -30,5 +33,8 @@ def demo(
 
     with as_file(files("resfit.data") / MESH) as mesh:
         return run_fit(
-            mesh, output or default_folder(Path(MESH)), "auto", {"preset": preset, "device": device}
+            mesh,
+            output or default_folder(Path(MESH)),
+            "auto",
+            {"preset": preset, "device": device, "max_primitives": FEW},
         )
