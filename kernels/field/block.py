@@ -1,6 +1,6 @@
 """One primitive over a block of points: the functions that all kernels which evaluate fields share, and their launches.
 
-A block whose points all lie outside the family's slow zone takes the cheaper form of the field.
+A block whose points all lie outside the family's seam zone takes the cheaper form of the field.
 """
 
 # No postponed annotations here: Warp reads the functions' own, which name a family's table.

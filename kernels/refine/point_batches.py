@@ -18,7 +18,7 @@ OWNER_BLOCK_C = wp.constant(OWNER_BLOCK)
 
 @wp.struct
 class Wanted:
-    """What rows want of the union at their points, as an argument of kernels; see `OwnedPoints`."""
+    """What rows want of the union at their points, as an argument of kernels; see `PointBatches`."""
 
     target: wp.array[float]
     weight: wp.array[float]
