@@ -22,6 +22,7 @@ from .regularise.snap import snap
 from .regularise.standard_form import standard_forms
 from .search.pareto import RICH_SHARE, Cut, cut_down, places_in, reductions, trade_off
 from .search.per_part import fit_parts, grid_iou, name_primitives
+from .search.proposals import is_baseline
 from .search.reduction import Reduction
 from .search.standing import fit_standing
 
@@ -106,8 +107,7 @@ def _in_share(tell: Callable[[Progress], None], share: float) -> Callable[[Progr
 
 def _reduces(config: FitConfig) -> bool:
     """Whether a fit is made with as many parts as pay, and then with as few as are allowed: not by others' methods."""
-    ours = config.optimizer == "levenberg" and config.decompose == "msd"
-    return ours and config.max_primitives < MOST_PRIMITIVES
+    return not is_baseline(config) and config.max_primitives < MOST_PRIMITIVES
 
 
 def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
@@ -121,7 +121,7 @@ def takes_apart(config: FitConfig) -> bool:
     if config.per_part != "auto":
         return config.per_part == "on"
     goal = config.target_iou < 1.0 or config.tolerance > 0.0
-    return not goal and config.optimizer == "levenberg" and config.decompose == "msd"
+    return not goal and not is_baseline(config)
 
 
 def _reduce(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...kernels.rows import BLEND
+from ..objective.objective import Tally
 from ..objective.scoring import sorted_by_volume
 from ..propose.candidate_pool import CandidatePool
 from ..select.greedy_cover import GreedyCover
-from .context import SearchContext
 
 WORST_LOSS = 0.03
 """Objective that a merger may lose before it is refined."""
@@ -17,7 +17,8 @@ WORST_LOSS = 0.03
 def mergers(
     rows: np.ndarray,
     candidate_pool: CandidatePool,
-    context: SearchContext,
+    tally: Tally,
+    alpha: float,
     most: int,
     worst_loss: float = WORST_LOSS,
 ) -> list[np.ndarray]:
@@ -26,7 +27,8 @@ def mergers(
     Args:
         rows: (primitive_count, ROW), the parts.
         candidate_pool: the candidates that may stand for two of them or more.
-        context: the fit: its samples, price and device.
+        tally: the objective's sums.
+        alpha: price of a primitive.
         most: mergers at most.
         worst_loss: objective that one may lose before it is refined.
     """
@@ -36,7 +38,7 @@ def mergers(
     pool = np.concatenate([candidate_pool.candidates(), rows])
     members = list(range(len(pool) - count, len(pool)))
     with candidate_pool.joined_by(rows) as coverage:
-        return _mergers(GreedyCover(coverage, context.tally, context.alpha), pool, members, most, worst_loss)
+        return _mergers(GreedyCover(coverage, tally, alpha), pool, members, most, worst_loss)
 
 
 def _mergers(

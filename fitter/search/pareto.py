@@ -14,6 +14,7 @@ from ..config import FitConfig
 from ..objective.cached import CachedObjective
 from ..objective.objective import Score, at_price
 from ..refine.joint import refine
+from ..refine.refiner import REFINERS
 from ..regularise.standard_form import standard_forms
 from ..select.cover import Cover
 from .reduction import Reduction
@@ -125,7 +126,7 @@ def cut_down(
     while len(rows) > 1:
         rows = rows[remove_down_to(cached_objective.values(rows), cached_objective, len(rows) - 1)]
         due = len(rows) % max(1, -(-len(rows) // FEW)) == 0
-        if due and config.optimizer == "levenberg" and not should_stop():
+        if due and not REFINERS[config.optimizer].selects and not should_stop():
             moved = refine(
                 rows,
                 cached_objective.families(rows),

@@ -28,6 +28,7 @@ from ..outcome import Outcome, Status
 from ..progress import Progress
 from ..propose.candidates import fit_regions
 from ..refine.joint import refine
+from ..refine.refiner import REFINERS
 from ..regularise.constraints import Copied
 from ..regularise.rigid_motion import move_rows, rescale_rows
 from ..select.selection import prune
@@ -195,7 +196,7 @@ def fit_piece(
     resolution = SMALL_RESOLUTION if small else config.resolution
     target = piece_target(piece, whole, device, resolution, own.samples, config.seed)
     frame = target.transform
-    if most == 1 and config.optimizer == "levenberg":
+    if most == 1 and not REFINERS[config.optimizer].selects:
         rows, timings = fit_one_primitive(target, own, device), {}
     else:
         outcome = fit_target(target, own, device, should_stop=should_stop)

@@ -13,17 +13,22 @@ import numpy as np
 import warp as wp
 
 from ...decomposition.propose import largest_parts
+from ...decomposition.region import Region
 from ...kernels.runtime.launch import serial_device
 from ...kernels.select.coverage_sets import hold
 from ...shape.target import Target
 from ..config import FitConfig, RefineConfig
 from ..objective.cached import CachedObjective
+from ..objective.objective import Score
 from ..propose.split_merge import neighbour_pairs, part_regions
 from ..refine.joint import refine
 from ..select.cover import Cover
+from .assess import assess, begin_search, evaluate_field
+from .context import search_context
+from .finish import polish
 from .merge import mergers
-from .multi_start import MultiStart
-from .search import SATURATION
+from .proposals import proposals_of, unexplained_parts
+from .track import SATURATION, run_round
 
 REMOVALS, MERGERS = 2, 3
 """Ways to do with one part less that are looked at."""
@@ -41,8 +46,12 @@ FEW = 16
 """With more parts than this no rounds follow: what the fit did with even more of them is not bettered so."""
 
 
-class Reduction(MultiStart):
-    """An assembly that gets fewer parts."""
+class Reduction:
+    """An assembly that gets fewer parts.
+
+    Attributes:
+        cached_objective: what its assemblies are judged by.
+    """
 
     def __init__(
         self,
@@ -54,73 +63,93 @@ class Reduction(MultiStart):
     ):
         """Begin with `rows`, (primitive_count, ROW), fitted to the target; there is no time-out but `should_stop`."""
         self.cached_objective = CachedObjective(target, config, device)
-        super().__init__(target, replace(config, timeout=0.0), device, None, should_stop)
-        self.slabs = True
-        if not self.should_stop():
+        self._context = search_context(target, replace(config, timeout=0.0), device, None, should_stop)
+        self._state = begin_search(self._context)
+        self._state.distances = self.cached_objective.distances
+        if not self._context.should_stop():
             # Rounds propose what is unexplained: few large parts must come from the whole.
-            self.propose(largest_parts(self.find_parts(True), config.propose.regions), 0)
-        self.take(rows)
+            parts = unexplained_parts(self._context, self._state, slabs=True)
+            self._propose(largest_parts(parts, config.propose.regions), 0)
+        self._take(rows)
 
-    def values(self, rows: np.ndarray) -> np.ndarray:
-        """Distances (primitive_count, n) at the samples; only rows not seen of late cost."""
-        return self.cached_objective.values(rows)
-
-    def take(self, rows: np.ndarray) -> None:
-        """Go on from rows."""
-        self.rows, self.score = rows, self.assess(rows)
+    @property
+    def rows(self) -> np.ndarray:
+        """The assembly of the moment, (primitive_count, ROW)."""
+        return self._state.rows
 
     def step(self) -> None:
         """One part less, or several where one can stand for them."""
-        moves = self.removals(REMOVALS)
-        if not self.should_stop():
-            parts = self.parts()
-            pairs = neighbour_pairs(parts)[: self.config.propose.merges]
-            self.propose(part_regions(parts, pairs, "pair"), len(self.rows))
-            moves += mergers(self.rows, self.candidate_pool, self, MERGERS, np.inf)
-            moves.sort(key=lambda move: -self.assess(move).objective)
+        context, state = self._context, self._state
+        moves = self._removals(REMOVALS)
+        if not context.should_stop():
+            parts = context.parts(state.rows)
+            pairs = neighbour_pairs(parts)[: context.config.propose.merges]
+            self._propose(part_regions(parts, pairs, "pair"), len(state.rows))
+            moves += mergers(state.rows, state.candidate_pool, context.tally, state.alpha, MERGERS, np.inf)
+            moves.sort(key=lambda move: -self._assess(move).objective)
             moves += [
-                refine(move, self.families(move), self.samples, STEPS, self.device, self.should_stop)
+                refine(
+                    move, context.families(move), context.samples, STEPS, context.device, context.should_stop
+                )
                 for move in moves[:REFINED]
             ]
-        self.take(max(moves, key=lambda move: self.assess(move).objective))
-
-    def removals(self, most: int) -> list[np.ndarray]:
-        """The rows without one of those that are missed least, that first."""
-        choice = Cover(hold(self.values(self.rows) < 0, serial_device()), self.tally, self.alpha)
-        for index in range(len(self.rows)):
-            choice.add(index)
-        order = np.argsort(-choice.removal_gains(), kind="stable")
-        return [np.delete(self.rows, index, 0) for index in order[:most]]
+        self._take(max(moves, key=lambda move: self._assess(move).objective))
 
     def improved(self, count: int) -> np.ndarray:
         """The best found of at most `count` parts, (primitive_count, ROW), from the rows of the moment, which stay.
 
         Rounds go on from them, begin from nothing, and put both ends together.
         """
-        rows, config, candidate_pool = self.rows, self.config, self.candidate_pool
-        self.config, self.candidate_pool = replace(config, max_primitives=count), candidate_pool.copy()
-        self.exchange(rows)
+        state, context = self._state, self._context
+        rows, candidate_pool = state.rows, state.candidate_pool
+        self._context = replace(context, config=replace(context.config, max_primitives=count))
+        state.candidate_pool = candidate_pool.copy()
+        self._exchange(rows)
         if len(rows) <= FEW:
-            ends = [self.rows]
-            self.exchange(rows[:0])
-            ends.append(self.rows)
-            self.exchange(max(ends, key=lambda end: self.assess(end).objective), np.concatenate(ends))
-        best = self.rows
-        self.config, self.candidate_pool = config, candidate_pool
-        self.take(rows)
+            ends = [state.rows]
+            self._exchange(rows[:0])
+            ends.append(state.rows)
+            self._exchange(max(ends, key=lambda end: self._assess(end).objective), np.concatenate(ends))
+        best = state.rows
+        self._context, state.candidate_pool = context, candidate_pool
+        self._take(rows)
         return best
 
-    def exchange(self, rows: np.ndarray, others: np.ndarray | None = None) -> None:
+    def _exchange(self, rows: np.ndarray, others: np.ndarray | None = None) -> None:
         """Rounds from `rows` until one no longer pays, and a polish; `others` are further candidates of the first."""
-        self.take(rows)
-        self.field = None
+        context, state = self._context, self._state
+        self._take(rows)
+        state.grid_field = None
         if len(rows):
-            self.look()
+            evaluate_field(context, state)
         for number in range(MOST_ROUNDS if len(rows) <= FEW else 0):
-            before = self.score.objective
-            if not self.should_stop():
-                self.round(number, None, others if not number else None)
-            if self.score.objective < before + SATURATION:
+            before = state.score.objective
+            if not context.should_stop():
+                run_round(context, state, number, None, others if not number else None)
+            if state.score.objective < before + SATURATION:
                 break
-        if not self.should_stop():
-            self.polish()
+        if not context.should_stop():
+            polish(context, state)
+
+    def _assess(self, rows: np.ndarray) -> Score:
+        """The objective of rows."""
+        return assess(self._context, self._state, rows)
+
+    def _take(self, rows: np.ndarray) -> None:
+        """Go on from rows."""
+        self._state.rows, self._state.score = rows, self._assess(rows)
+
+    def _propose(self, regions: list[Region], number: int) -> None:
+        """Put candidates for regions on offer."""
+        proposals_of(self._context).candidates(self._context, self._state, regions, number)
+
+    def _removals(self, most: int) -> list[np.ndarray]:
+        """The rows without one of those that are missed least, that first."""
+        rows, distances = self.rows, self._state.distances
+        choice = Cover(
+            hold(distances.values(rows) < 0, serial_device()), self._context.tally, self._state.alpha
+        )
+        for index in range(len(rows)):
+            choice.add(index)
+        order = np.argsort(-choice.removal_gains(), kind="stable")
+        return [np.delete(rows, index, 0) for index in order[:most]]

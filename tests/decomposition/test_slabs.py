@@ -17,7 +17,7 @@ from resfit.fitter.config import preset_config
 from resfit.fitter.objective.objective import ObjectiveSamples
 from resfit.fitter.objective.outside_samples import DRAWS, with_outside_samples
 from resfit.fitter.propose.candidate_pool import CandidatePool
-from resfit.fitter.search.context import SearchContext
+from resfit.fitter.search.context import search_context
 from resfit.fitter.search.merge import mergers
 from resfit.kernels.grid.sparse_cells import cells_of
 from resfit.kernels.rows import SHAPES, empty_rows
@@ -137,15 +137,15 @@ def test_two_halves_of_a_box_are_merged(device: wp.Device) -> None:
     halves[:, SHAPES : SHAPES + 8] = [0.9, 1.08, 0.72, 0.0, 0.0, 1.0, 0.0, -1.0]
     halves[:, 0] = [-0.45, 0.45]
     whole[:, SHAPES : SHAPES + 8] = [1.799, 1.079, 0.719, 0.0, 0.0, 1.0, 0.0, -1.0]
-    bench = SearchContext(target, config, device, start_rows=halves)
+    context = search_context(target, config, device)
 
     def remembering(rows: np.ndarray) -> CandidatePool:
-        candidate_pool = CandidatePool(bench.inside, len(bench.samples.points), device)
+        candidate_pool = CandidatePool(context.inside, len(context.samples.points), device)
         candidate_pool.rows = [rows]
-        candidate_pool.coverage.append(bench.inside(rows))
+        candidate_pool.coverage.append(context.inside(rows))
         return candidate_pool
 
-    moves = mergers(halves, remembering(whole), bench, 4)
+    moves = mergers(halves, remembering(whole), context.tally, config.parsimony, 4)
     assert len(moves) == 1 and len(moves[0]) == 1
     np.testing.assert_array_equal(moves[0][0, SHAPES : SHAPES + 8], whole[0, SHAPES : SHAPES + 8])
-    assert not mergers(whole, remembering(halves), bench, 4)
+    assert not mergers(whole, remembering(halves), context.tally, config.parsimony, 4)

@@ -10,8 +10,11 @@ from resfit.decomposition import propose
 from resfit.decomposition.propose import propose_regions
 from resfit.fitter.config import preset_config
 from resfit.fitter.outcome import Status
-from resfit.fitter.search import search
-from resfit.fitter.search.multi_start import MultiStart, fit_target
+from resfit.fitter.search import multi_start, proposals
+from resfit.fitter.search.assess import assess, begin_search
+from resfit.fitter.search.context import SearchContext, search_context
+from resfit.fitter.search.multi_start import fit_target, search
+from resfit.fitter.search.state import SearchState
 from resfit.kernels.rows import SHAPES
 from resfit.shape.target import make_target
 
@@ -54,20 +57,21 @@ def test_two_tracks_give_the_same_bytes_on_one_core_and_on_more(stool, device, m
 def test_what_tracks_found_is_put_together(stool, device, monkeypatch):
     """The result is worth no less than the end of any track, and the ends are on offer when all are joined."""
     ends: list[np.ndarray] = []
-    run_two = MultiStart.run_two
+    run_two = multi_start.run_two
 
-    def watch(self: MultiStart, limit: int):
-        status, found = run_two(self, limit)
+    def watch(context: SearchContext, state: SearchState, limit: int):
+        status, found = run_two(context, state, limit)
         ends.extend(found)
         return status, found
 
-    monkeypatch.setattr(MultiStart, "run_two", watch)
-    fit = MultiStart(make_target(stool, device), two_tracks(), device)
-    outcome = fit.run()
+    monkeypatch.setattr(multi_start, "run_two", watch)
+    context = search_context(make_target(stool, device), two_tracks(), device)
+    state = begin_search(context, slabs=False)
+    outcome = search(context, state)
     assert len(ends) == 2
     for end in ends:
-        assert outcome.score.objective >= fit.assess(end).objective - 1e-6
-        offered = {row.tobytes() for entry in fit.rounds for row in entry.candidates[:, :SHAPES]}
+        assert outcome.score.objective >= assess(context, state, end).objective - 1e-6
+        offered = {row.tobytes() for entry in state.rounds for row in entry.candidates[:, :SHAPES]}
         assert all(row.tobytes() in offered for row in end[:, :SHAPES])
 
 
@@ -80,7 +84,7 @@ def test_two_tracks_begin_with_one_decomposition(stool, device, monkeypatch):
         begun.append(explained is None)
         return find_all(target, explained, **options)
 
-    monkeypatch.setattr(search, "find_parts", watch)
+    monkeypatch.setattr(proposals, "find_parts", watch)
     monkeypatch.setenv("RESFIT_THREADS", "1")
     target, config = make_target(stool, device), two_tracks()
     outcome = fit_target(target, config, device)
