@@ -146,11 +146,11 @@ def _edit(scene: Scene, index: int, share: float, blend: bool = False) -> None:
     refs = scene.session.refs()
     ref = refs[index % len(refs)] if not blend else refs[1 + index % (len(refs) - 1)]
     group = "Join" if blend else "Shape"
-    sliders = [slider for slider in scene.session.sliders(ref) if slider.group == group]
+    sliders = [slider for slider in scene.session.editor.sliders(ref) if slider.group == group]
     slider = sliders[index % len(sliders)]
     # Within the range, and never a value that was there before: its surface would be kept.
     low, high = slider.range
-    scene.session.set_value(
+    scene.session.editor.set_value(
         ref, slider.id, low + (0.15 + 0.5 * share) * (0.2 if blend else 1.0) * (high - low)
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.edit_session import PartRef
+from ..model.edit_state import PartRef
 from ..model.poses import pose_matrix
 from ..scene.arrangement import Placed
 from ..scene.controller import Controller
@@ -157,7 +157,7 @@ class Desktop:
     def _part_matrix(self) -> np.ndarray | None:
         """(4, 4), local frame of the selected part to the scene's, as it is drawn."""
         ref, session = self.controller.session.selected, self.controller.session
-        if ref is None or session.is_hidden(ref) or self.scene.view.explode:
+        if ref is None or ref in session.state.hidden or self.scene.view.explode:
             return None
         placed: Placed = self.scene.arrangement.placed[ref.item]
         return placed.matrix @ pose_matrix(session.part(ref).pose)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from ...kernels.primitives import FAMILIES
 from ..model.commands import COMMAND_OF, COMMANDS
-from ..model.edit_session import PartRef
+from ..model.edit_state import PartRef
 from ..model.parameters import Slider
 from ..scene.controller import Controller
 
@@ -169,7 +169,7 @@ def _parts(
         y = top + k * LIST_ROW
         if ref == session.selected:
             drawing.box(left + 8, y, WIDTH - 16, LIST_ROW, CHOSEN, 5)
-        hidden = session.is_hidden(ref)
+        hidden = ref in session.state.hidden
         drawing.disc(left + 22, y + LIST_ROW / 2, 6, session.part(ref).color)
         name = f"{ref.item + 1} · {ref.name}" if many else ref.name
         text = shorten(name, WIDTH - 150, 13)

@@ -10,7 +10,7 @@ class Command:
     """Something that a key or a button does."""
 
     name: str
-    """`Controller.do_<name>` does it."""
+    """`Controller.run` does it by this name."""
     keys: tuple[str, ...]
     """A capital is Shift and the letter; the first one is shown."""
     group: str

@@ -9,7 +9,8 @@ import numpy as np
 from ...assembly.assembly import Assembly
 from ..desktop.panel_layout import ACCENT, INK, MUTED, PAPER, Drawing, Text, shorten
 from ..model.comparison import Comparison
-from ..model.edit_session import EditSession, State
+from ..model.edit_session import EditSession
+from ..model.edit_state import State
 from ..model.poses import pose_matrix
 from ..model.view_options import View
 from ..scene.camera import OrbitCamera

@@ -81,7 +81,7 @@ def arrange(session: EditSession, view: View, comparisons: Sequence[Comparison |
         if view.mesh == "beside":
             edge = _after(edge, box, offset, view.across)
         boxes.append(box)
-        drawn = exploded(session.shown_assembly(item), view.explode)
+        drawn = exploded(session.state.shown_assembly(item), view.explode)
         placed.append(
             Placed(item, drawn, whole, _moved(matrix, offset), offset, comparison, mesh_matrix, shows)
         )

@@ -7,26 +7,23 @@ called. While something is dragged everything is coarse; `settle` makes it fine,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from resfit.errors import InputError, ResfitError
+from resfit.errors import ResfitError
 
-from ...assembly.primitive import Primitive, shown
-from ...exports.by_suffix import check_path, export_assembly
-from ..model.commands import COMMAND_OF, COMMANDS, Command, find_command
+from ...assembly.primitive import Primitive
+from ..model.commands import COMMAND_OF, Command, find_command
 from ..model.documents import Document
-from ..model.edit_session import PartRef, State
+from ..model.edit_state import PartRef
 from ..model.parameters import Slider
-from ..model.poses import to_vector
 from ..model.text_entry import Entry
-from ..model.view_options import COMPARING, SWITCHES, TOGGLES, is_on, switched
+from ..model.view_options import SWITCHES
+from .file_actions import FileActions
+from .part_actions import PartActions
 from .scene import Scene
-
-FIRST_FAMILY = "superfrustum"
-"""What the key adds while nothing is selected."""
+from .view_actions import ViewActions
 
 
 class Controller:
@@ -62,7 +59,6 @@ class Controller:
         self.session = scene.session
         self.documents = tuple(documents)
         self.save_path = save_path
-        self.exports = tuple(exports)
         self.message = ""
         self.iou: float | None = None
         self.entry: Entry | None = None
@@ -70,16 +66,48 @@ class Controller:
         self.help = False
         self.closing = False
         self.on_change: Callable[[], None] = lambda: None
+        self._parts = PartActions(self.session, scene)
+        self._view = ViewActions(scene)
+        self._files = FileActions(self.session, scene, self.documents, tuple(exports))
+        self._commands = self._command_table()
         self._held: Primitive | None = None
-        self._warned: State | None = None
         self._measure(live=False)
+
+    def _command_table(self) -> dict[str, Callable[[], str | None]]:
+        """What does each command but the switches, by its name, and says what there is to say."""
+        parts, view, files = self._parts, self._view, self._files
+        return {
+            "undo": parts.undo,
+            "redo": parts.redo,
+            "add": parts.add,
+            "duplicate": parts.duplicate,
+            "delete": parts.delete,
+            "rename": self._rename,
+            "gizmo": self._toggle_gizmo,
+            "next": parts.next,
+            "previous": parts.previous,
+            "deselect": self._deselect,
+            "hide": parts.hide,
+            "isolate": parts.isolate,
+            "show_all": parts.show_all,
+            "frame": view.frame,
+            "front": view.front,
+            "side": view.side,
+            "top": view.top,
+            "up": view.up,
+            "save": lambda: files.save(self.save_path),
+            "export": lambda: files.export(self.item),
+            "screenshot": lambda: files.screenshot(self.item),
+            "help": self._toggle_help,
+            "quit": self._quit,
+        }
 
     # What there is to show
 
     @property
     def item(self) -> int:
         """The assembly that is edited: that of the selected part, else the first."""
-        return self.session.selected.item if self.session.selected else 0
+        return self._parts.item
 
     @property
     def title(self) -> str:
@@ -97,24 +125,16 @@ class Controller:
     def sliders(self) -> tuple[Slider, ...]:
         """Those of the selected part, or of the view where none is."""
         if self.session.selected is not None:
-            return self.session.sliders(self.session.selected)
+            return self.session.editor.sliders(self.session.selected)
         return self.view_sliders()
 
     def view_sliders(self) -> tuple[Slider, ...]:
         """How far parts are apart, and where the section lies."""
-        view = self.scene.view
-        return (
-            Slider("view.explode", "View", "explode", "ratio", "how far parts are moved apart", (0.0, 1.0),
-                   (0.0, 4.0), 0.01, view.explode),
-            Slider("view.section_at", "View", "section", "ratio", "where the plane of sections and slices lies",
-                   (0.0, 1.0), (0.0, 1.0), 0.005, view.section_at),
-        )  # fmt: skip
+        return self._view.sliders()
 
     def toggles(self) -> tuple[tuple[Command, bool], ...]:
         """What can be switched, and whether it is on."""
-        view = self.scene.view
-        found = [(command, is_on(view, command.name)) for command in COMMANDS if command.name in TOGGLES]
-        return (*found, (COMMAND_OF["gizmo"], self.gizmo))
+        return (*self._view.toggles(), (COMMAND_OF["gizmo"], self.gizmo))
 
     # What is done
 
@@ -137,10 +157,8 @@ class Controller:
         """Do what a command's name says; what goes wrong becomes the message."""
         self.message = ""
         try:
-            if name in SWITCHES:
-                self._switch(name)
-            else:
-                getattr(self, f"do_{name}")()
+            said = self._view.switch(name) if name in SWITCHES else self._commands[name]()
+            self.message = said or ""
         except ResfitError as error:
             self.message = str(error)
         self.changed()
@@ -171,16 +189,16 @@ class Controller:
         self.message = ""
         try:
             if slider_id.startswith("view."):
-                self.scene.view = replace(self.scene.view, **{slider_id.removeprefix("view."): value})
+                self._view.set_value(slider_id, value)
             else:
-                self.session.set_value(ref or self._chosen(), slider_id, value)
+                self.session.editor.set_value(ref or self._parts.chosen(), slider_id, value)
         except ResfitError as error:
             self.message = str(error)
         self.changed(live=True)
 
     def hold(self) -> None:
         """Begin to drag the gizmo."""
-        self._held = self.session.part(self._chosen())
+        self._held = self.session.part(self._parts.chosen())
 
     def drag(self, matrix: np.ndarray) -> None:
         """Place the selected part by its gizmo.
@@ -188,10 +206,8 @@ class Controller:
         Args:
             matrix: (4, 4), takes the local frame that the part had at `hold` to the scene's.
         """
-        ref = self._chosen()
-        placed = self.scene.arrangement.placed[ref.item].matrix
         try:
-            self.session.place(ref, np.linalg.solve(placed, matrix), self._held)
+            self._parts.place(matrix, self._held)
         except ResfitError as error:
             self.message = str(error)
         self.changed(live=True)
@@ -210,148 +226,29 @@ class Controller:
 
     def add(self, family: str) -> None:
         """Add a primitive where the camera looks, and select it."""
-        matrix = self.scene.arrangement.placed[self.item].matrix
-        place = (self.scene.camera.target - matrix[:3, 3]) / matrix[0, 0]
-        self.session.add(self.item, family, to_vector(np.clip(place, -1.0, 1.0)))
-        self.message = f"added a {family}"
+        self.message = self._parts.add_family(family)
         self.changed()
 
-    # Commands
+    # Commands that change what the window shows beside the scene
 
-    def do_undo(self) -> None:
-        self.message = "undone" if self.session.undo() else "nothing to undo"
+    def _rename(self) -> None:
+        self.entry = Entry("name", "name", self._parts.chosen().name)
 
-    def do_redo(self) -> None:
-        self.message = "redone" if self.session.redo() else "nothing to redo"
+    def _toggle_gizmo(self) -> None:
+        self.gizmo = not self.gizmo
 
-    def do_duplicate(self) -> None:
-        self.message = f"{shown(self.session.duplicate(self._chosen()).name)} is the copy"
-
-    def do_delete(self) -> None:
-        self.session.delete(self._chosen())
-
-    def do_add(self) -> None:
-        selected = self.session.selected
-        self.add(self.session.part(selected).family if selected else FIRST_FAMILY)
-
-    def do_rename(self) -> None:
-        ref = self._chosen()
-        self.entry = Entry("name", "name", ref.name)
-
-    def do_hide(self) -> None:
-        self.session.hide(self._chosen())
-
-    def do_isolate(self) -> None:
-        self.session.isolate(self._chosen())
-
-    def do_show_all(self) -> None:
-        self.session.show_all()
-
-    def do_next(self) -> None:
-        self._go(1)
-
-    def do_previous(self) -> None:
-        self._go(-1)
-
-    def do_deselect(self) -> None:
+    def _deselect(self) -> None:
         self.help = False
         self.session.select(None)
 
-    def do_gizmo(self) -> None:
-        self.gizmo = not self.gizmo
-
-    def do_frame(self) -> None:
-        self.scene.frame()
-
-    def do_front(self) -> None:
-        self._look_from(0.0, 0.0)
-
-    def do_side(self) -> None:
-        self._look_from(90.0, 0.0)
-
-    def do_top(self) -> None:
-        self._look_from(0.0, 88.0)
-
-    def do_up(self) -> None:
-        self.scene.camera.up = "z" if self.scene.camera.up == "y" else "y"
-        self.scene.frame()
-
-    def do_save(self) -> None:
-        self.session.commit()
-        written = []
-        for item, assembly in enumerate(self.session.state.assemblies):
-            path = self._edited(item, ".json") if self.save_path is None or item else self.save_path
-            assembly.save(path)
-            written.append(str(path))
-        self.session.mark_saved()
-        self.message = f"saved {', '.join(written)}"
-
-    def do_export(self) -> None:
-        paths = self.exports or (Path(f"{self.title}_edited.glb"),)
-        for path in paths:
-            check_path(path)
-        for path in paths:
-            export_assembly(self.session.state.assemblies[self.item], path)
-        self.message = f"exported {', '.join(map(str, paths))}"
-
-    def do_screenshot(self) -> None:
-        from .screenshot import render_picture, write_picture
-
-        scene = self.scene
-        width, height = scene.plotter.renderer.GetSize()
-        image = render_picture(
-            self.session, scene.comparisons, scene.view, scene.camera, (2 * width, 2 * height), framed=False
-        )
-        path = next(
-            path for k in range(1, 10_000) if not (path := Path(f"{self.title}_{k:02d}.png")).exists()
-        )
-        write_picture(image, path)
-        self.message = f"wrote {path}"
-
-    def do_help(self) -> None:
+    def _toggle_help(self) -> None:
         self.help = not self.help
 
-    def do_quit(self) -> None:
-        if self.session.changed and self._warned is not self.session.state:
-            self._warned = self.session.state
-            self.message = "not saved: s saves, the same key again closes all the same"
-        else:
-            self.closing = True
+    def _quit(self) -> str | None:
+        self.closing = self._files.may_close()
+        return None if self.closing else "not saved: s saves, the same key again closes all the same"
 
     # How
-
-    def _chosen(self) -> PartRef:
-        if self.session.selected is None:
-            raise InputError("no part is selected; click one first.")
-        return self.session.selected
-
-    def _switch(self, name: str) -> None:
-        if name in COMPARING and not any(self.scene.comparisons):
-            raise InputError("there is no input mesh to compare with; give one with --target.")
-        before = self.scene.view
-        self.scene.view = view = switched(before, name, self.scene.camera.across())
-        if name == "explode" or ("beside" in (before.mesh, view.mesh) and before.mesh != view.mesh):
-            self.scene.sync()
-            self.scene.frame()
-        if name == "mesh":
-            self.message = f"input mesh: {view.mesh}"
-        if name == "residual" and view.residual:
-            self.message = "red is missing, blue is too much"
-
-    def _go(self, step: int) -> None:
-        refs = self.session.refs()
-        if refs:
-            at = refs.index(self.session.selected) if self.session.selected else (-1 if step > 0 else 0)
-            self.session.select(refs[(at + step) % len(refs)])
-
-    def _look_from(self, azimuth: float, elevation: float) -> None:
-        self.scene.camera.azimuth, self.scene.camera.elevation = azimuth, elevation
-        self.scene.frame()
-
-    def _edited(self, item: int, suffix: str) -> Path:
-        path = self.documents[item].path
-        stem = path.stem.removesuffix("_edited")
-        return path.with_name(f"{stem}_edited{suffix}")
 
     def _type(self, key: str) -> None:
         entry, done = self.entry, False
@@ -367,7 +264,7 @@ class Controller:
             self.message = ""
             try:
                 if entry.id == "name":
-                    self.session.rename(self._chosen(), entry.text)
+                    self.session.rename(self._parts.chosen(), entry.text)
                 else:
                     self.slide(entry.id, entry.number())
                 self.settle()

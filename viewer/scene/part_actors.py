@@ -10,7 +10,7 @@ import numpy as np
 
 from ...assembly.assembly import Assembly
 from ...assembly.primitive import Primitive
-from ..model.edit_session import PartRef
+from ..model.edit_state import PartRef
 from ..model.poses import pose_matrix
 from ..model.view_options import View
 from .arrangement import Arrangement, Placed

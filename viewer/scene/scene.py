@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..model.comparison import Comparison
-from ..model.edit_session import EditSession, PartRef
+from ..model.edit_session import EditSession
+from ..model.edit_state import PartRef
 from ..model.view_options import View
 from .arrangement import Arrangement, arrange
 from .camera import OrbitCamera

@@ -15,7 +15,7 @@ from typing import Any
 
 from resfit.errors import InputError, ResfitError
 
-from ..model.edit_session import PartRef
+from ..model.edit_state import PartRef
 from ..scene.controller import Controller
 from .picture import Picture
 from .pointer import LOOK, Pointer

@@ -14,7 +14,7 @@ from ...assembly.assembly import Assembly
 from ...assembly.primitive import shown
 from ...kernels.primitives import FAMILIES
 from ..model.commands import COMMAND_OF, Command
-from ..model.edit_session import PartRef
+from ..model.edit_state import PartRef
 from ..model.parameters import Slider
 from ..model.view_options import COMPARING
 from ..scene.controller import Controller
@@ -71,7 +71,7 @@ def part_rows(controller: Controller) -> list[dict[str, Any]]:
             "item": ref.item,
             "name": ref.name,
             "color": session.part(ref).color,
-            "hidden": session.is_hidden(ref),
+            "hidden": ref in session.state.hidden,
             "selected": ref == session.selected,
             "owner": controller.documents[ref.item].title if len(controller.documents) > 1 else "",
         }
@@ -83,7 +83,7 @@ def editor(controller: Controller, ref: PartRef, revision: int = 0) -> dict[str,
     """A part and its sliders by group, in their order."""
     part = controller.session.part(ref)
     groups: dict[str, list[dict[str, Any]]] = {}
-    for slider in controller.session.sliders(ref):
+    for slider in controller.session.editor.sliders(ref):
         groups.setdefault(slider.group, []).append(slider_row(slider))
     return {
         "item": ref.item, "name": ref.name, "family": part.family, "revision": revision,

@@ -15,7 +15,8 @@ from resfit.assembly.primitive import Pose
 from resfit.errors import AssemblyError, InputError
 from resfit.kernels.primitives import FAMILIES
 from resfit.kernels.rows import ROTATION, SHAPES, TRANSLATION
-from resfit.viewer.model.edit_session import EditSession, PartRef
+from resfit.viewer.model.edit_session import EditSession
+from resfit.viewer.model.edit_state import PartRef
 from resfit.viewer.model.parameters import part_sliders, with_value
 from resfit.viewer.model.poses import placed, pose_matrix, to_angles, to_quaternion
 
@@ -79,7 +80,7 @@ def test_an_edit_leaves_the_field_elsewhere_alone(rng: np.random.Generator) -> N
     centre = edits.state.assemblies[0].transform.to_mesh([edits.part(last).pose.translation])
     points = centre + rng.uniform(-0.05, 0.05, (200, 3))
     before = edits.state.assemblies[0].sdf(points)
-    edits.set_value(ref, "size.2", 0.6)
+    edits.editor.set_value(ref, "size.2", 0.6)
     assert (edits.state.assemblies[0].sdf(points) == before).all()
     assert edits.state.assemblies[0].primitives[1:] == chain().primitives[1:]
 
@@ -105,14 +106,14 @@ def test_undo_and_redo_restore_the_very_same_bytes() -> None:
     ref = edits.refs()[1]
     states = [edits.state.assemblies[0].to_json()]
     steps = [
-        lambda: edits.set_value(ref, "size.1", 0.123456789),
-        lambda: edits.set_value(ref, "rotation.1", 120.0),
-        lambda: edits.set_blend(ref, 0.07),
-        lambda: edits.set_parameter(ref, "size", (0.1, 0.2, 0.3)),
-        lambda: edits.move(ref, (0.1, 0.0, -0.2)),
-        lambda: edits.rotate(ref, (10.0, 20.0, 30.0)),
-        lambda: edits.scale(ref, 1.5),
-        lambda: edits.scale(ref, (1.0, 2.0, 0.5)),
+        lambda: edits.editor.set_value(ref, "size.1", 0.123456789),
+        lambda: edits.editor.set_value(ref, "rotation.1", 120.0),
+        lambda: edits.editor.set_blend(ref, 0.07),
+        lambda: edits.editor.set_parameter(ref, "size", (0.1, 0.2, 0.3)),
+        lambda: edits.editor.move(ref, (0.1, 0.0, -0.2)),
+        lambda: edits.editor.rotate(ref, (10.0, 20.0, 30.0)),
+        lambda: edits.editor.scale(ref, 1.5),
+        lambda: edits.editor.scale(ref, (1.0, 2.0, 0.5)),
         lambda: edits.duplicate(ref),
         lambda: edits.add(0, "superquadric", (0.1, 0.2, 0.3)),
         lambda: edits.delete(first(edits)),
@@ -137,21 +138,21 @@ def test_a_drag_is_one_step_and_one_there_and_back_is_none() -> None:
     edits = session()
     original = edits.state
     for value in np.linspace(0.3, 0.5, 20):
-        edits.set_value(first(edits), "size.0", value)
+        edits.editor.set_value(first(edits), "size.0", value)
     assert edits.commit() and edits.changed
     edits.undo()
     assert edits.state is original and not edits.changed
-    edits.set_value(first(edits), "size.0", 0.9)
-    edits.set_value(first(edits), "size.0", 0.3)
+    edits.editor.set_value(first(edits), "size.0", 0.9)
+    edits.editor.set_value(first(edits), "size.0", 0.3)
     assert not edits.commit()
     assert edits.state is original and edits.can_redo
 
 
 def test_undo_ends_an_edit_that_goes_on_and_forgets_the_future() -> None:
     edits = session()
-    edits.set_value(first(edits), "size.0", 0.9)
+    edits.editor.set_value(first(edits), "size.0", 0.9)
     assert edits.can_undo and edits.undo() and not edits.can_undo
-    edits.set_value(first(edits), "size.0", 0.8)
+    edits.editor.set_value(first(edits), "size.0", 0.8)
     edits.commit()
     assert not edits.redo()
 
@@ -160,13 +161,13 @@ def test_hide_isolate_and_show_all_are_undone() -> None:
     edits = session()
     a, b, *_ = edits.refs()
     edits.hide(a)
-    assert [part.name for part in edits.shown_assembly(0).primitives] == [
+    assert [part.name for part in edits.state.shown_assembly(0).primitives] == [
         ref.name for ref in edits.refs()[1:]
     ]
     edits.isolate(b)
     assert edits.state.hidden == frozenset(edits.refs()) - {b}
     edits.isolate(b)
-    assert not edits.state.hidden and edits.shown_assembly(0) is edits.state.assemblies[0]
+    assert not edits.state.hidden and edits.state.shown_assembly(0) is edits.state.assemblies[0]
     edits.undo()
     edits.undo()
     assert edits.state.hidden == {a}
@@ -189,7 +190,7 @@ def test_selection_follows_renames_and_leaves_with_its_part() -> None:
     edits.select(first(edits))
     edits.hide(first(edits))
     assert edits.rename(first(edits), "new") == edits.selected == PartRef(0, "new")
-    assert edits.is_hidden(PartRef(0, "new"))
+    assert PartRef(0, "new") in edits.state.hidden
     edits.undo()
     assert edits.selected is None
     edits.select(first(edits))
@@ -200,7 +201,7 @@ def test_selection_follows_renames_and_leaves_with_its_part() -> None:
 def test_several_assemblies_are_edited_apart() -> None:
     edits = EditSession([chain(), chain()])
     assert len(edits.refs()) == 8 and len(edits.refs(1)) == 4
-    edits.set_value(edits.refs(1)[0], "size.0", 0.9)
+    edits.editor.set_value(edits.refs(1)[0], "size.0", 0.9)
     assert edits.state.assemblies[0] == chain() != edits.state.assemblies[1]
 
 
@@ -208,8 +209,8 @@ def test_angles_beyond_a_quarter_turn_stay_while_they_are_dragged() -> None:
     edits = session()
     ref = first(edits)
     for angle in range(0, 180, 7):
-        edits.set_value(ref, "rotation.1", float(angle))
-        assert [slider.value for slider in edits.sliders(ref) if slider.group == "Rotation"] == [
+        edits.editor.set_value(ref, "rotation.1", float(angle))
+        assert [slider.value for slider in edits.editor.sliders(ref) if slider.group == "Rotation"] == [
             0.0,
             float(angle),
             0.0,

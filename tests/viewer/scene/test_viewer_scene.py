@@ -92,8 +92,8 @@ def test_silhouette_after_an_edit_and_after_undo(plotter) -> None:
     edits = EditSession([chain()])
     scene = Scene(plotter, edits)
     before = drawn_silhouette(plotter)
-    edits.set_value(edits.refs()[1], "size.1", 1.1)
-    edits.set_value(edits.refs()[0], "rotation.2", 45.0)
+    edits.editor.set_value(edits.refs()[1], "size.1", 1.1)
+    edits.editor.set_value(edits.refs()[0], "rotation.2", 45.0)
     scene.sync(live=True)
     edited = drawn_silhouette(plotter)
     assert overlap(edited, traced_silhouette(edits.state.assemblies[0], scene.camera)) >= 0.97
@@ -109,9 +109,9 @@ def test_only_what_an_edit_touches_is_made_anew(plotter) -> None:
     ref, surfaces = edits.refs()[2], scene.parts.surfaces
     made = surfaces.made
     for action in (
-        lambda: edits.set_value(ref, "translation.0", 0.4),
-        lambda: edits.set_value(ref, "rotation.0", 33.0),
-        lambda: edits.set_value(ref, "blend", 0.2),
+        lambda: edits.editor.set_value(ref, "translation.0", 0.4),
+        lambda: edits.editor.set_value(ref, "rotation.0", 33.0),
+        lambda: edits.editor.set_value(ref, "blend", 0.2),
         lambda: edits.hide(ref),
         edits.show_all,
         lambda: edits.duplicate(ref),
@@ -119,7 +119,7 @@ def test_only_what_an_edit_touches_is_made_anew(plotter) -> None:
         action()
         scene.sync()
     assert surfaces.made == made
-    edits.set_value(ref, "size.0", 0.77)
+    edits.editor.set_value(ref, "size.0", 0.77)
     scene.sync(live=True)
     assert surfaces.made == made + 1
     scene.sync()

@@ -17,7 +17,8 @@ from web_pages import three
 
 from resfit.errors import InputError
 from resfit.viewer.model.documents import open_documents
-from resfit.viewer.model.edit_session import EditSession, PartRef
+from resfit.viewer.model.edit_session import EditSession
+from resfit.viewer.model.edit_state import PartRef
 from resfit.viewer.scene.controller import Controller
 from resfit.viewer.web.app import App
 from resfit.viewer.web.picture import Picture
