@@ -61,7 +61,8 @@ def configuration(options: Mapping[str, Any]) -> FitConfig:
         options: `preset` and other fields by name; a stage's own fields as `stage.field`. Values may be text.
 
     Raises:
-        InputError: for a field that does not exist or holds several values, or a value that does not fit it.
+        InputError: for a field that does not exist or holds several values, a value that does not fit it, or an option
+            that another one leaves without effect.
     """
     from ...fitter.config import preset_config
 
@@ -79,7 +80,9 @@ def configuration(options: Mapping[str, Any]) -> FitConfig:
         (stages.setdefault(stage, {}) if dot else changes)[own] = read
     for stage, own in stages.items():
         changes[stage] = replace(getattr(config, stage), **own)
-    return replace(config, **changes)
+    changed = replace(config, **changes)
+    changed.check_effect()
+    return changed
 
 
 def known_options(config: FitConfig) -> list[str]:
