@@ -166,6 +166,10 @@ class FitConfig:
         from ..kernels.primitives import FAMILIES
 
         OPTIONS["primitive"].check(self.primitive, tuple(FAMILIES), "family")
+        if self.propose.without:
+            from ..decomposition.proposals import check_without
+
+            check_without(self.propose.without)
 
     def changed(self) -> list[tuple[str, Option]]:
         """The options that are not as their preset has them, each by its name in messages."""

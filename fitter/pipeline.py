@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 import warp as wp
 
+from ..decomposition.proposals import PROPOSALS
 from ..shape.target import Target
 from .config import MOST_PRIMITIVES, FitConfig
 from .objective.cached import CachedObjective
@@ -106,8 +107,7 @@ def _in_share(tell: Callable[[Progress], None], share: float) -> Callable[[Progr
 
 def _reduces(config: FitConfig) -> bool:
     """Whether a fit is made with as many parts as pay, and then with as few as are allowed: not by others' methods."""
-    ours = config.optimizer == "levenberg" and config.decompose == "msd"
-    return ours and config.max_primitives < MOST_PRIMITIVES
+    return _is_ours(config) and config.max_primitives < MOST_PRIMITIVES
 
 
 def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
@@ -121,7 +121,12 @@ def takes_apart(config: FitConfig) -> bool:
     if config.per_part != "auto":
         return config.per_part == "on"
     goal = config.target_iou < 1.0 or config.tolerance > 0.0
-    return not goal and config.optimizer == "levenberg" and config.decompose == "msd"
+    return not goal and _is_ours(config)
+
+
+def _is_ours(config: FitConfig) -> bool:
+    """Whether neither the optimiser nor the decomposition is that of others."""
+    return config.optimizer == "levenberg" and not PROPOSALS[config.decompose].alone
 
 
 def _reduce(

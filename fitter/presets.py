@@ -30,12 +30,8 @@ class ProposeConfig:
     """Primitives, the worst ones, whose parts are tried anew."""
     merges: int = 32
     """Touching pairs of primitives that are tried as one."""
-    blocks: bool = True
-    """Whether pieces of a tree of boxes are tried."""
-    slabs: bool = True
-    """Whether pieces between changes of the cross-section are tried."""
-    holes: bool = True
-    """Whether walls around holes are tried."""
+    without: tuple[str, ...] = ()
+    """Names of proposals that are not asked (`decomposition/proposals/`)."""
     points: int = 512
     """Sample points a region is fitted to, half of them in stages that ask for half."""
     stages: tuple[FitStage, ...] = (
