@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ...decomposition.proposals import PROPOSALS
 from ...kernels.runtime.cores import core_count
 from ...kernels.runtime.launch import often_switching, on_cores, serial_device
 from ...shape.target import Target
@@ -87,7 +88,7 @@ class MultiStart(Search):
         The first two begin from nothing, side by side; later ones go on from the best so far.
         """
         config = self.config
-        peers = config.optimizer == "adam" or config.decompose == "coacd"
+        peers = config.optimizer == "adam" or PROPOSALS[config.decompose].alone
         tracks = 1 if peers else 1 + config.excursions
         limit = int(config.rounds / (tracks + 0.5)) if tracks > 1 else config.rounds
         if limit <= len(RICH_ROUNDS):

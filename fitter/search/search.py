@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ...decomposition.coacd import propose_convex_regions
+from ...decomposition.proposals import PROPOSALS, proposal_of, proposals_for
 from ...decomposition.propose import find_parts, largest_parts
 from ...decomposition.region import Region
 from ...kernels.rows import BLEND, SHAPES
@@ -197,29 +197,28 @@ class Search(SearchContext):
     def cut(self) -> list[Region]:
         """Regions of what is unexplained, and of what the primitives so far hold."""
         config, most = self.config, self.config.propose.regions
-        if config.decompose == "coacd":
-            return propose_convex_regions(self.target.grid, self.field, most, config.seed)
         if self.field is None and self.beginning is not None:
-            parts = [part for part in self.beginning if self.slabs or part.source != "slab"]
+            parts = [part for part in self.beginning if self.slabs or not proposal_of(part).bulky]
         else:
             parts = self.find_parts(self.slabs)
         regions = largest_parts(parts, most)
+        if PROPOSALS[config.decompose].alone:
+            return regions
         if config.optimizer == "adam":
-            return [region for region in regions if region.source.startswith("msd")][:ADAM_SEEDS]
+            return [region for region in regions if proposal_of(region).name == config.decompose][:ADAM_SEEDS]
         return regions + (self.neighbour_regions() if len(self.rows) else [])
 
     def find_parts(self, slabs: bool) -> list[Region]:
-        """Parts of what is unexplained, with or without slabs."""
-        propose = self.config.propose
+        """Parts of what is unexplained, with or without slabs and other bulky ones."""
+        config, propose = self.config, self.config.propose
         return find_parts(
             self.target_cells,
             self.field,
             first_round=not len(self.rows),
             device=self.device,
-            blocks=propose.blocks,
-            slabs=propose.slabs and slabs,
-            holes=propose.holes,
+            proposals=proposals_for(config.decompose, propose.without, bulky=slabs),
             most=propose.regions,
+            seed=config.seed,
         )
 
     def propose(self, regions: list[Region], number: int) -> np.ndarray:
