@@ -130,9 +130,11 @@ def fit_all(meshes: list[Path], work: Path, preset: str, timeout: float) -> int:
 def write_page(entry: Entry, path: Path, mesh: Path | None) -> None:
     """The page of a fit that has none, with the input where that is known."""
     from resfit.assembly.assembly import Assembly
-    from resfit.cli.export import export_page
+    from resfit.cli.export import page_options
+    from resfit.exports.by_suffix import export_assembly
 
-    export_page(Assembly.load(entry.folder / "assembly.json"), path, entry.folder, mesh, None)
+    assembly = Assembly.load(entry.folder / "assembly.json")
+    export_assembly(assembly, path, **page_options(assembly, entry.folder, mesh, None))
 
 
 def fit_command(report: dict[str, Any]) -> str:
