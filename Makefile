@@ -14,7 +14,7 @@ EDITABLE := --config-settings editable_mode=strict
 FILES := find src kernels assembly shape decomposition fitter eval exports viewer result -type f \
 	! -name '*.pyc' 2>/dev/null | LC_ALL=C sort | cksum
 
-.PHONY: help demo test test-all fuzz lint format architecture schema results gallery bench doctor install install-all clean
+.PHONY: help demo test test-all fuzz lint format architecture options schema results gallery bench doctor install install-all clean
 help:
 	@sed -n 's/^#   //p' Makefile
 
@@ -44,6 +44,9 @@ format: install
 
 architecture: install
 	@$(BIN)/python docs/draw_architecture.py
+
+options: install
+	@$(BIN)/python docs/write_options.py
 
 schema: install
 	@$(BIN)/python -m resfit.assembly.schema assembly/assembly.schema.json

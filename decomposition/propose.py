@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from .box_tree import box_tree_parts
-from .coarse_grid import working_grid
-from .holes import hole_parts
-from .msd import decompose
-from .plates_and_beams import straight_parts
+from .proposals import Proposal, Unexplained, proposals_for
 from .region import Region, without_duplicates
-from .residual import find_residual, residual_components
-from .slabs import section_parts
+from .residual import find_residual
 from .target_cells import TargetCells, target_cells
-
-FRACTIONS = (0.005, 0.03, 0.12)
-"""Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
 
 MOST_REGIONS = 64
 
@@ -46,40 +39,28 @@ def find_parts(
     *,
     first_round: bool,
     device: wp.Device,
-    blocks: bool = True,
-    slabs: bool = True,
-    holes: bool = True,
-    fractions: tuple[float, ...] = FRACTIONS,
+    proposals: Sequence[Proposal] | None = None,
     most: int = MOST_REGIONS,
+    seed: int = 0,
 ) -> list[Region]:
-    """What `propose_regions` picks from: regions of which some are alike, kind by kind.
+    """What `propose_regions` picks from: regions of which some are alike, proposal by proposal.
 
     Args:
         target: its cells.
         explained: see there.
-        first_round: propose the whole residual as one region too.
+        first_round: whether to ask the proposals of a first round too.
         device: where distances are measured.
-        blocks: propose a tree of boxes' pieces.
-        slabs: propose the pieces between changes of the cross-section too: big ones, some of them perforated.
-        holes: propose the walls around holes, at first.
-        fractions: volume fractions of the morphological decompositions.
-        most: connected components at most.
+        proposals: those to ask; all that stand not alone unless given.
+        most: regions at most of a proposal without a limit of its own.
+        seed: of proposals that draw random numbers.
     """
     residual = find_residual(target, explained)
     if residual is None:
         return []
-    found = [residual.region(residual.cells.all_places(), "solid")] if first_round else []
-    found += residual_components(residual, most=most)
-    working = working_grid(residual)
-    found += decompose(working, fractions, device)
-    found += straight_parts(working)
-    if blocks:
-        found += box_tree_parts(working)
-    if slabs:
-        found += section_parts(working)
-    if holes and first_round:
-        found += hole_parts(working)
-    return [region for region in found if region is not None]
+    unexplained = Unexplained(residual, device, most, seed)
+    asked = proposals_for("msd") if proposals is None else proposals
+    found = [proposal.find(unexplained) for proposal in asked if first_round or not proposal.first_round]
+    return [region for regions in found for region in regions if region is not None]
 
 
 def largest_parts(parts: list[Region], most: int) -> list[Region]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +17,13 @@ import numpy.typing as npt
 
 from resfit.errors import InputError
 
+from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import linear_rgb
 from ..assembly.document import FORMAT, VERSION
 from ..assembly.primitive import Primitive
 from ..assembly.surface import part_surface, union_surface
+from .exporter import Exporter
+from .mesh import checked_resolution
 from .normals import vertex_normals
 
 if TYPE_CHECKING:
@@ -187,3 +191,30 @@ def _part_node(primitive: Primitive) -> dict[str, Any]:
             "color": primitive.color,
         },
     }
+
+
+def write_glb(
+    assembly: Assembly,
+    path: Path,
+    *,
+    merged: bool = False,
+    resolution: int | None = None,
+    device: str = "auto",
+) -> None:
+    """Write .glb.
+
+    Args:
+        assembly: what to write.
+        path: of the file.
+        merged: one surface of the smooth union, or one closed surface a part.
+        resolution: cells along the longest side, of the whole or of each part; None is what suits.
+        device: where the field is evaluated.
+
+    Raises:
+        InputError: if the resolution is impossible, coordinates are too large, or the file cannot be written.
+    """
+    encode = glb_of_union if merged else glb_of_parts
+    write_bytes(path, encode(assembly, checked_resolution(resolution, merged), device))
+
+
+EXPORTER = Exporter((".glb",), write_glb)

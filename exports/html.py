@@ -23,6 +23,7 @@ from ..assembly.atomic_write import write_bytes
 from ..assembly.document import FORMAT, VERSION
 from ..kernels.field.combine import GLSL as COMBINE_GLSL
 from ..kernels.primitives import FAMILIES, Family
+from .exporter import Exporter
 from .overlay import Surface, mesh_table
 
 SCRIPTS = (
@@ -157,3 +158,6 @@ def shader_text(names: list[str], part_count: int) -> str:
             source("trace.glsl"),
         ]
     )
+
+
+EXPORTER = Exporter((".html",), write_html)

@@ -1,21 +1,18 @@
-"""Triangle meshes: GLB and OBJ with one named object a part, PLY and STL with one surface of the smooth union."""
+"""Triangle meshes of an assembly: what the formats of meshes have in common."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from resfit.errors import InputError
 
-from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import rgb
 from ..assembly.surface import check_resolution
-from .glb import glb_of_parts, glb_of_union
 
 if TYPE_CHECKING:
     from ..assembly.assembly import Assembly
@@ -34,41 +31,44 @@ class Surface:
     colors: npt.NDArray[np.uint8]
 
 
-def write_mesh(
+def checked_resolution(resolution: int | None, merged: bool) -> int:
+    """The resolution asked for, or what suits the whole or its parts.
+
+    Raises:
+        InputError: if it is impossible.
+    """
+    resolution = (UNION_RESOLUTION if merged else PART_RESOLUTION) if resolution is None else resolution
+    check_resolution(resolution)
+    return resolution
+
+
+def surfaces(
     assembly: Assembly,
     path: Path,
-    *,
-    merged: bool | None = None,
-    resolution: int | None = None,
-    device: str = "auto",
-) -> None:
-    """Write .glb, .obj, .ply or .stl.
+    merged: bool,
+    resolution: int | None,
+    device: str,
+    number: type[np.floating[Any]] = np.float64,
+) -> list[Surface]:
+    """The surfaces to write to a file.
 
     Args:
         assembly: what to write.
-        path: its suffix chooses the format.
-        merged: one surface of the smooth union (what PLY and STL get if None), or one closed surface a part.
-        resolution: cells along the longest side, of the whole or of each part.
+        path: the file, for messages.
+        merged: one surface of the smooth union, or one closed surface a part.
+        resolution: cells along the longest side, of the whole or of each part; None is what suits.
         device: where the field is evaluated.
+        number: type of the coordinates in the file.
 
     Raises:
-        InputError: if the resolution is impossible, the format cannot hold the surface, or the file cannot be written.
+        InputError: if the resolution is impossible, or the format cannot hold the surfaces.
     """
-    suffix = path.suffix.lower()
-    merged = suffix in (".ply", ".stl") if merged is None else merged
-    resolution = (UNION_RESOLUTION if merged else PART_RESOLUTION) if resolution is None else resolution
-    check_resolution(resolution)
-    if suffix == ".glb":
-        writer = glb_of_union if merged else glb_of_parts
-        write_bytes(path, writer(assembly, resolution, device))
-        return
-    surfaces = _surfaces(assembly, merged, resolution, device)
-    _check_coordinates(_joined(surfaces), path)
-    encode = {".obj": obj_bytes, ".ply": ply_bytes, ".stl": stl_bytes}[suffix]
-    write_bytes(path, encode(surfaces))
+    found = _surfaces(assembly, merged, checked_resolution(resolution, merged), device)
+    _check_coordinates(joined(found), path, number)
+    return found
 
 
-def _check_coordinates(whole: Surface, path: Path) -> None:
+def _check_coordinates(whole: Surface, path: Path, number: type[np.floating[Any]]) -> None:
     """Refuse what would be an empty file, or one whose numbers say nothing.
 
     Raises:
@@ -76,7 +76,6 @@ def _check_coordinates(whole: Surface, path: Path) -> None:
     """
     if not len(whole.faces):
         raise InputError(f"cannot write {path}: the assembly has no surface, so the file would be empty.")
-    number = np.float32 if path.suffix.lower() == ".stl" else np.float64
     lower, upper = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
     largest = float(max(np.abs(lower).max(), np.abs(upper).max()))
     # Of halves: the difference of two large numbers may overflow.
@@ -116,7 +115,7 @@ def _surfaces(assembly: Assembly, merged: bool, resolution: int, device: str) ->
     return surfaces
 
 
-def _joined(surfaces: list[Surface]) -> Surface:
+def joined(surfaces: list[Surface]) -> Surface:
     """All surfaces as one."""
     starts = np.cumsum([0, *[len(surface.vertices) for surface in surfaces]])
     return Surface(
@@ -130,63 +129,3 @@ def _joined(surfaces: list[Surface]) -> Surface:
         ),
         np.concatenate([np.zeros((0, 3), np.uint8), *[surface.colors for surface in surfaces]]),
     )
-
-
-def obj_bytes(surfaces: list[Surface]) -> bytes:
-    """Wavefront OBJ: one object a surface, colours behind the coordinates of each vertex."""
-    everything = _joined(surfaces).vertices
-    extent = float(np.ptp(everything, axis=0).max()) if len(everything) else 0.0
-    # Seven digits below the extent, however far from the origin: 1e-7 of the size is what float32 holds.
-    digits = max(0, 7 - math.floor(math.log10(extent))) if extent > 0.0 else 7
-    lines, start = ["# resfit"], 1
-    for surface, name in zip(surfaces, obj_names([surface.name for surface in surfaces]), strict=True):
-        lines.append(f"o {name}")
-        for (x, y, z), (red, green, blue) in zip(
-            surface.vertices.tolist(), (surface.colors / 255.0).tolist(), strict=True
-        ):
-            lines.append(f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f} {red:.4f} {green:.4f} {blue:.4f}")
-        lines += [f"f {a} {b} {c}" for a, b, c in (surface.faces + start).tolist()]
-        start += len(surface.vertices)
-    return ("\n".join(lines) + "\n").encode()
-
-
-def obj_names(names: list[str]) -> list[str]:
-    """Names without backslashes, none twice: one at the end of a line would join it to the next."""
-    made: list[str] = []
-    taken = set(names)
-    for name in names:
-        plain, number = name.replace("\\", "/"), 1
-        while plain != name and plain in taken:
-            number += 1
-            plain = f"{name.replace(chr(92), '/')}-{number}"
-        taken.add(plain)
-        made.append(plain)
-    return made
-
-
-def ply_bytes(surfaces: list[Surface]) -> bytes:
-    """Binary PLY with colours; coordinates are doubles, so that meshes far from the origin keep their form."""
-    whole = _joined(surfaces)
-    vertices = np.zeros(len(whole.vertices), [("position", "<f8", 3), ("color", "u1", 3)])
-    vertices["position"], vertices["color"] = whole.vertices, whole.colors
-    faces = np.zeros(len(whole.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, whole.faces
-    header = ["ply", "format binary_little_endian 1.0", "comment resfit", f"element vertex {len(vertices)}"]
-    header += [f"property double {axis}" for axis in "xyz"]
-    header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
-    return ("\n".join(header) + "\n").encode() + vertices.tobytes() + faces.tobytes()
-
-
-def stl_bytes(surfaces: list[Surface]) -> bytes:
-    """Binary STL. The format has float32 coordinates only: meshes far from the origin lose detail."""
-    whole = _joined(surfaces)
-    triangles = np.zeros(
-        len(whole.faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")]
-    )
-    corners = whole.vertices[whole.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    triangles["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-    triangles["corners"] = corners
-    return b"resfit".ljust(80) + len(triangles).to_bytes(4, "little") + triangles.tobytes()

@@ -1,169 +1,27 @@
-"""What steers a fit. Stage settings sit here in one place because presets change several of them together."""
+"""The table of the options of a fit: each is a field of `FitConfig`, which has all that is known of it.
+
+An `Option` in the annotation of a field has its help and its legal values. The command line, the table in README.md and
+the commands that a gallery shows are made from them. `FitOptions` repeats the public ones: type checkers need that.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, TypedDict, get_args, get_origin, get_type_hints
 
 from resfit.errors import InputError
 
-from ..kernels.primitives import FAMILIES
+from .option import Interval, Option
+from .presets import ADAM, PRESETS, AdamConfig, PolishConfig, ProposeConfig, RefineConfig, SelectConfig
 
 Preset = Literal["fast", "balanced", "best"]
+Union = Literal["smooth", "hard"]
+Decomposition = Literal["msd", "coacd"]
+Optimizer = Literal["levenberg", "adam"]
+PerPart = Literal["auto", "on", "off"]
 
 MOST_PRIMITIVES = 64
 """Allowed in a fit unless told otherwise."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitStage:
-    """A stage in which starts are fitted to their regions: each stage is sharper and has fewer of them."""
-
-    sharpness: float
-    """In units of 1 / (half thickness of the region)."""
-    iterations: int
-    """Levenberg steps."""
-    keep: int
-    """Starts kept a region."""
-    half: bool = False
-    """Whether every other point will do."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProposeConfig:
-    """Candidate fits of one round."""
-
-    regions: int = 72
-    """Most regions tried in a round."""
-    splits: int = 12
-    """Primitives, the worst ones, whose parts are tried anew."""
-    merges: int = 32
-    """Touching pairs of primitives that are tried as one."""
-    blocks: bool = True
-    """Whether pieces of a tree of boxes are tried."""
-    slabs: bool = True
-    """Whether pieces between changes of the cross-section are tried."""
-    holes: bool = True
-    """Whether walls around holes are tried."""
-    points: int = 512
-    """Sample points a region is fitted to, half of them in stages that ask for half."""
-    stages: tuple[FitStage, ...] = (
-        FitStage(sharpness=2.0, iterations=0, keep=14, half=True),
-        FitStage(sharpness=2.0, iterations=4, keep=8, half=True),
-        FitStage(sharpness=3.0, iterations=5, keep=5, half=True),
-        FitStage(sharpness=6.0, iterations=6, keep=2),
-        FitStage(sharpness=12.0, iterations=12, keep=1),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SelectConfig:
-    """Greedy forward selection."""
-
-    beam: int = 4
-    """First picks that are followed up side by side."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefineConfig:
-    """Joint refinement of all primitives."""
-
-    iterations: int = 24
-    """Levenberg steps a round."""
-    overlap: float = 0.3
-    """Weight of the rows that push a second primitive out of a covered point."""
-    betas: tuple[float, float] = (30.0, 150.0)
-    """Sharpness of the occupancy at the start and end, per normalised unit."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolishConfig:
-    """The last step of a fit: blends are chosen and all primitives refined, in turn."""
-
-    passes: int = 2
-    merges: int = 4
-    """Times that one candidate is tried in the place of several parts."""
-    refine: RefineConfig = RefineConfig(iterations=30, overlap=0.3, betas=(120.0, 400.0))
-
-
-@dataclass(frozen=True, kw_only=True)
-class AdamConfig:
-    """The paper-style optimiser (`optimizer="adam"`)."""
-
-    steps: int = 300
-    """Steps a round."""
-    batch: int = 4096
-    """Points a step."""
-    rate: float = 0.02
-    betas: tuple[float, float] = (15.0, 120.0)
-    """Sharpness of the occupancy at the start and end, per normalised unit."""
-    temperatures: tuple[float, float] = (1.0, 0.3)
-    """Of the existence softmax, at the start and end."""
-    count_weight: float = 1e-3
-    quality_weight: float = 1e-2
-    noise: float = 0.0
-    """Standard deviation of noise on the sample positions at the start, normalised units; it shrinks to 0."""
-    predicted: float = 0.0
-    """Share of the points drawn near the predicted surface instead, 0 to 1: false volume far from the target shows."""
-    resample: int = 25
-    """Steps between draws of noisy and predicted points, whose distances are measured anew."""
-    axis: Literal["fixed", "learned"] = "fixed"
-    """Whether the sweep axis is the seed's, or learned among the seed's three."""
-    axis_share: float = 0.5
-    """Share of the steps after which a learned axis is settled."""
-
-
-SHARP = (100.0, 400.0)
-"""Sharpness of plain rounds: a blunt step would wash out what earlier rounds made fine."""
-
-FAST_STAGES = (
-    FitStage(sharpness=2.0, iterations=4, keep=8, half=True),
-    FitStage(sharpness=3.0, iterations=4, keep=3, half=True),
-    FitStage(sharpness=5.0, iterations=4, keep=1),
-    FitStage(sharpness=12.0, iterations=7, keep=1),
-)
-
-THOROUGH_STAGES = (
-    FitStage(sharpness=2.0, iterations=7, keep=12),
-    FitStage(sharpness=5.0, iterations=8, keep=3),
-    FitStage(sharpness=12.0, iterations=12, keep=1),
-)
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {
-        "parsimony": 2.5e-3,
-        "rounds": 4,
-        "excursions": 0,
-        "samples": 8192,
-        "propose": ProposeConfig(regions=48, stages=FAST_STAGES),
-        "select": SelectConfig(),
-        "refine": RefineConfig(iterations=14),
-        "sharpen": RefineConfig(iterations=14, betas=SHARP),
-        "polish": PolishConfig(passes=1, merges=3),
-    },
-    "balanced": {
-        "parsimony": 2.65e-3,
-        "rounds": 25,
-        "excursions": 1,
-        "samples": 20_000,
-        "propose": ProposeConfig(),
-        "select": SelectConfig(),
-        "refine": RefineConfig(),
-        "sharpen": RefineConfig(betas=SHARP),
-        "polish": PolishConfig(),
-    },
-    "best": {
-        "parsimony": 8e-4,
-        "rounds": 36,
-        "excursions": 3,
-        "samples": 20_000,
-        "propose": ProposeConfig(regions=96, splits=16, merges=40, stages=THOROUGH_STAGES),
-        "select": SelectConfig(beam=6),
-        "refine": RefineConfig(iterations=36),
-        "sharpen": RefineConfig(iterations=36, betas=SHARP),
-        "polish": PolishConfig(passes=3, merges=16),
-    },
-}
 
 FROM_PRESET: Any = None
 """Default of the fields that presets set: given a value, it wins over the preset."""
@@ -174,76 +32,211 @@ class FitConfig:
     """All options of a fit. What a preset sets and is not given comes from the preset.
 
     Raises:
-        InputError: for an unknown preset or a value out of range: one sentence that names the option.
+        InputError: for a value that is no choice or out of range: one sentence that names the option.
     """
 
-    preset: Preset = "balanced"
-    device: str = "auto"
-    """Where the kernels run: auto (the CPU), cpu or cuda:0. The greedy choice runs on the CPU anyway."""
-    seed: int = 0
-    primitive: str = "superfrustum"
-    """Family that is fitted."""
-    union: Literal["smooth", "hard"] = "smooth"
-    decompose: Literal["msd", "coacd"] = "msd"
-    """How the residual is cut: morphologically, or into convex pieces for comparison."""
-    optimizer: Literal["levenberg", "adam"] = "levenberg"
-    """"adam" is the paper's way: one seed a region and first-order steps."""
-    adam: AdamConfig = AdamConfig()
-    max_primitives: int = MOST_PRIMITIVES
-    """Where fewer are allowed than the fit comes to, the best assembly of so few is found from it."""
-    target_iou: float = 1.0
-    """Stop once the 128^3 IoU reaches this; 1 is off."""
-    tolerance: float = 0.0
-    """Stop once the 95th percentile of the two-sided surface distance is below this, in the mesh's units; 0 is off."""
-    timeout: float = 0.0
-    """Seconds after which the best so far is returned; 0 is off."""
-    rounds: int = FROM_PRESET
-    probes: bool = True
+    preset: Annotated[
+        Preset,
+        Option(
+            "how much work to spend; balanced unless given. best, about three times balanced, also takes parts that"
+            " bring a third as much: for likeness, where parts need not be few.",
+            moves=True,
+        ),
+    ] = "balanced"
+    device: Annotated[str, Option("auto (the CPU, unless given), cpu or cuda:0.", moves=True)] = "auto"
+    seed: Annotated[
+        int, Option("of all random choices; 0 unless given.", interval=Interval(least=0), moves=True)
+    ] = 0
+    primitive: Annotated[
+        str,
+        Option(
+            "family to fit: superfrustum (unless given), superprimitive, superquadric, cuboid.", rare=True
+        ),
+    ] = "superfrustum"
+    union: Annotated[
+        Union,
+        Option("whether parts may run into each other smoothly; smooth unless given.", rare=True),
+    ] = "smooth"
+    decompose: Annotated[
+        Decomposition,
+        Option(
+            "how to cut what is unexplained: by thickness (msd, unless given) or into convex pieces (coacd).",
+            rare=True,
+        ),
+    ] = "msd"
+    optimizer: Annotated[
+        Optimizer,
+        Option(
+            "second-order steps (levenberg, unless given) or the paper's Adam (adam), which fits less well.",
+            rare=True,
+        ),
+    ] = "levenberg"
+    adam: Annotated[AdamConfig, Option(idle_with={"optimizer": "levenberg"})] = ADAM
+    max_primitives: Annotated[
+        int,
+        Option(
+            "give the best assembly of at most so many parts; 64 unless given.", interval=Interval(least=1)
+        ),
+    ] = MOST_PRIMITIVES
+    target_iou: Annotated[
+        float,
+        Option(
+            "stop once the assembly matches the solid this well, 0 to 1.",
+            interval=Interval(above=0, most=1),
+            idle_with={"per_part": "on"},
+        ),
+    ] = 1.0
+    """Of a grid of 128^3 cells; 1 is off."""
+    tolerance: Annotated[
+        float,
+        Option(
+            "stop once 95 % of the surface is nearer than this, in the mesh's units.",
+            interval=Interval(least=0),
+            idle_with={"per_part": "on"},
+        ),
+    ] = 0.0
+    """Compared with the 95th percentile of the two-sided surface distance; 0 is off."""
+    timeout: Annotated[
+        float,
+        Option(
+            "seconds after which the best so far is written; a mesh may take 10 s to be read in any case.",
+            interval=Interval(least=0),
+            rare=True,
+            moves=True,
+        ),
+    ] = 0.0
+    """0 is off."""
+    rounds: Annotated[
+        int, Option("most rounds of fitting.", interval=Interval(least=1, most=100), rare=True)
+    ] = FROM_PRESET
+    probes: Annotated[bool, Option(idle_with={"optimizer": "adam"})] = True
     """Whether refinement watches points where primitives stick out of the target."""
     excursions: int = FROM_PRESET
     """Further beginnings of the search, before what all found is put together: every other one from nothing."""
-    parsimony: float = FROM_PRESET
-    """Objective that a primitive must bring (alpha)."""
-    snap: bool = False
-    """Make the result regular (`fitter/regularise/`): symmetry, canonical shapes, equal axes, sizes and centres."""
-    pareto: bool = False
-    """Find the best assembly of every number of parts too."""
-    per_part: Literal["auto", "on", "off"] = "auto"
-    """Fit the mesh's parts one by one; "auto" does so where several are worth a primitive and none is nearly all."""
-    resolution: int = 128
-    samples: int = FROM_PRESET
+    parsimony: Annotated[
+        float,
+        Option(
+            "what a part must add to the objective to be worth having; about 0.0026 unless given, 0.0008 with best.",
+            interval=Interval(least=0, below=1),
+            rare=True,
+            moves=True,
+        ),
+    ] = FROM_PRESET
+    snap: Annotated[
+        bool,
+        Option(
+            "make the result regular: symmetry, canonical shapes, equal axes, sizes and centres.",
+            flags={"--snap": True},
+        ),
+    ] = False
+    pareto: Annotated[
+        bool,
+        Option(
+            "write the best assembly of every number of parts too; the fit itself stays as it is.",
+            flags={"--pareto": True},
+        ),
+    ] = False
+    per_part: Annotated[
+        PerPart,
+        Option(
+            "fit the mesh's nodes, or else its bodies, one by one and keep their names; --whole never does; unless"
+            " given, that is done where it pays.",
+            flags={"--per-part": "on", "--whole": "off"},
+        ),
+    ] = "auto"
+    resolution: Annotated[int, Option(moves=True)] = 128
+    samples: Annotated[int, Option(moves=True)] = FROM_PRESET
     """Points near the surface, and as many in the volume, that the objective is measured on."""
     propose: ProposeConfig = FROM_PRESET
-    select: SelectConfig = FROM_PRESET
-    refine: RefineConfig = FROM_PRESET
+    select: Annotated[SelectConfig, Option(idle_with={"optimizer": "adam"})] = FROM_PRESET
+    refine: Annotated[RefineConfig, Option(idle_with={"optimizer": "adam"})] = FROM_PRESET
     """In rich rounds, which find where things go."""
-    sharpen: RefineConfig = FROM_PRESET
+    sharpen: Annotated[RefineConfig, Option(idle_with={"optimizer": "adam"})] = FROM_PRESET
     """In plain rounds."""
     polish: PolishConfig = FROM_PRESET
 
     def __post_init__(self) -> None:
-        if self.preset not in PRESETS:
-            raise InputError(f"--preset {self.preset}: there is no such preset; choose {', '.join(PRESETS)}.")
+        OPTIONS["preset"].check(self.preset, CHOICES["preset"], "preset")
         for name, value in PRESETS[self.preset].items():
             if getattr(self, name) is FROM_PRESET:
                 object.__setattr__(self, name, value)
-        if self.primitive not in FAMILIES:
-            raise InputError(
-                f"--primitive {self.primitive}: there is no such family; choose {', '.join(FAMILIES)}."
-            )
-        checks = {
-            "max_primitives": (self.max_primitives >= 1, "at least 1"),
-            "target_iou": (0 < self.target_iou <= 1, "above 0 and at most 1"),
-            "tolerance": (self.tolerance >= 0, "at least 0"),
-            "timeout": (self.timeout >= 0, "at least 0"),
-            "rounds": (1 <= self.rounds <= 100, "between 1 and 100"),
-            "parsimony": (0 <= self.parsimony < 1, "at least 0 and below 1"),
-            "seed": (self.seed >= 0, "at least 0"),
-        }
-        for name, (holds, wanted) in checks.items():
-            if not holds:
-                option = name.replace("_", "-")
-                raise InputError(f"--{option} {getattr(self, name)} is out of range; it must be {wanted}.")
+        for name, entry in OPTIONS.items():
+            entry.check(getattr(self, name), CHOICES.get(name, ()))
+        # Modules of commands load this table for their help, and no kernel.
+        from ..kernels.primitives import FAMILIES
+
+        OPTIONS["primitive"].check(self.primitive, tuple(FAMILIES), "family")
+        if self.propose.without:
+            from ..decomposition.proposals import check_without
+
+            check_without(self.propose.without)
+
+    def changed(self) -> list[tuple[str, Option]]:
+        """The options that are not as their preset has them, each by its name in messages."""
+        usual, found = FitConfig(preset=self.preset), []
+        for name, entry in OPTIONS.items():
+            value = getattr(self, name)
+            if value != getattr(usual, name):
+                found.append((entry.spelled(value), entry))
+        return found
+
+    def check_effect(self) -> None:
+        """Refuse an option that another one leaves without effect.
+
+        Raises:
+            InputError: if there is one, by its name.
+        """
+        for spelled, entry in self.changed():
+            for name, value in entry.idle_with.items():
+                if getattr(self, name) == value:
+                    other = " ".join(OPTIONS[name].words(value))
+                    raise InputError(
+                        f"{spelled} has no effect with {other}; leave out or change one of them."
+                    )
+
+
+class FitOptions(TypedDict, total=False):
+    """The public options as keywords of `resfit.fit`; None leaves one as it is."""
+
+    device: str | None
+    seed: int | None
+    primitive: str | None
+    union: Union | None
+    decompose: Decomposition | None
+    optimizer: Optimizer | None
+    max_primitives: int | None
+    target_iou: float | None
+    tolerance: float | None
+    timeout: float | None
+    rounds: int | None
+    parsimony: float | None
+    snap: bool | None
+    pareto: bool | None
+    per_part: PerPart | None
+
+
+TYPES: dict[str, Any] = get_type_hints(FitConfig)
+"""Type of each option by its name."""
+
+
+def _table() -> dict[str, Option]:
+    found = {}
+    for name, hint in get_type_hints(FitConfig, include_extras=True).items():
+        (entry,) = getattr(hint, "__metadata__", (Option(),))
+        found[name] = replace(entry, name=name)
+    return found
+
+
+OPTIONS: dict[str, Option] = _table()
+"""The table: every option by its name."""
+
+PUBLIC: dict[str, Option] = {name: entry for name, entry in OPTIONS.items() if entry.public}
+"""Those that are keywords of `resfit.fit` and options of the command line."""
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    name: get_args(kind) for name, kind in TYPES.items() if get_origin(kind) is Literal
+}
+"""Values of the options that are one of a few words."""
 
 
 def preset_config(preset: str = "balanced", **options: Any) -> FitConfig:

@@ -22,7 +22,7 @@ from ..assembly.report import FORMAT, REPORT
 from ..eval.metrics.assembly_metrics import Deviation
 from ..exports.by_suffix import export_assembly
 from ..exports.facts import report_facts, up_axis
-from ..exports.html import MAX_PARTS, write_html
+from ..exports.html import MAX_PARTS
 from ..exports.overlay import Triangles
 from ..fitter.outcome import Status
 from ..kernels.contour.isosurface import tight_bounds
@@ -168,7 +168,7 @@ class FitResult:
         """Write the page that shows and edits the assembly, with the input to compare it with."""
         mesh = Triangles(self.assembly.transform.to_mesh(self.target.vertices), self.target.faces)
         facts = report_facts(self.report(self.metrics, self.timings))
-        write_html(self.assembly, path, mesh=mesh, up=self.up, title=self.input.name, facts=facts)
+        export_assembly(self.assembly, path, mesh=mesh, up=self.up, title=self.input.name, facts=facts)
 
     @property
     def up(self) -> Literal["y", "z"]:

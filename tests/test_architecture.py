@@ -229,7 +229,6 @@ TESTED_THROUGH: dict[str, tuple[str, ...]] = {
         "__main__",
         "cli.completion",
         "cli.doctor",
-        "cli.export",
         "cli.help",
     ),
     "test_fit_cli.py": ("cli.demo", "cli.single"),
@@ -250,7 +249,7 @@ TESTED_THROUGH: dict[str, tuple[str, ...]] = {
         "eval.methods.hulls",
         "eval.methods.vhacd",
     ),
-    "test_export_mesh.py": ("exports.glb", "exports.mesh"),
+    "test_export_mesh.py": ("exports.mesh",),
     # Readers' inner files: whole files are read, good and damaged ones.
     "test_formats_gltf.py": (
         "shape.formats.gltf_accessors",

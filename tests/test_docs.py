@@ -66,6 +66,14 @@ def test_graphs_of_the_architecture_are_up_to_date() -> None:
     assert drawing["updated"](document) == document
 
 
+def test_options_of_the_readme_are_those_of_the_command() -> None:
+    """If this fails: `make options`."""
+    writing = runpy.run_path(str(DOCS / "write_options.py"))
+    document = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert document.count(writing["BEGIN"]) == document.count(writing["END"]) == 1
+    assert writing["updated"](document) == document
+
+
 def test_arrows_that_follow_from_others_are_left_out() -> None:
     reduced = runpy.run_path(str(DOCS / "draw_architecture.py"))["reduced"]
     assert reduced({("a", "b"), ("b", "c"), ("a", "c"), ("a", "d")}) == {("a", "b"), ("b", "c"), ("a", "d")}

@@ -15,6 +15,7 @@ from typing import Any
 
 from resfit.errors import InputError
 
+from ...decomposition.proposals import PROPOSALS
 from ..batch.compare import Comparison, run_comparison
 from ..batch.datasets import Shape
 from .ablation_sentences import (
@@ -111,9 +112,11 @@ MOVES = Study(
     (
         Variant("everything", ours()),
         Variant("one beginning", ours(excursions=0)),
-        Variant("no tree of boxes", ours(propose__blocks=False)),
-        Variant("no slabs", ours(propose__slabs=False)),
-        Variant("no walls around holes", ours(propose__holes=False)),
+        *(
+            Variant(f"no {proposal.title}", ours(propose__without=name))
+            for name, proposal in PROPOSALS.items()
+            if proposal.title
+        ),
         Variant("no splits", ours(propose__splits=0)),
         Variant("no pairs", ours(propose__merges=0)),
         Variant("no mergers at the end", ours(polish__merges=0)),

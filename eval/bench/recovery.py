@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ...decomposition.region import Region
-from ...fitter.config import ProposeConfig
+from ...fitter.presets import ProposeConfig
 from ...fitter.propose.candidates import fit_regions
 from ...kernels.field.evaluate import cell_centres, union_at
 from ...kernels.field.points import from_grid_blocks, grid_blocks

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 NAME = "ours"
 DESCRIPTION = "this package's fit, preset balanced"
 
+WORDS = tuple[str, ...]
+"""Type of options that are several words, written with + between them."""
+
 
 def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     """Fit a mesh and write `assembly.json`: the parts that `resfit fit` finds with the same options.
@@ -26,7 +29,8 @@ def run(mesh_path: Path, out: Path, options: Mapping[str, Any]) -> Path:
     Args:
         mesh_path: what to fit.
         out: folder for the result.
-        options: any field of `FitConfig` that is one number or word, those of its stages as `refine.overlap`.
+        options: any field of `FitConfig` that is one number or word, or words joined by +; those of its stages as
+            `refine.overlap`.
 
     Raises:
         InputError: if the mesh cannot be read or holds nothing solid, or an option makes no sense.
@@ -61,7 +65,8 @@ def configuration(options: Mapping[str, Any]) -> FitConfig:
         options: `preset` and other fields by name; a stage's own fields as `stage.field`. Values may be text.
 
     Raises:
-        InputError: for a field that does not exist or holds several values, or a value that does not fit it.
+        InputError: for a field that does not exist or holds several values, a value that does not fit it, or an option
+            that another one leaves without effect.
     """
     from ...fitter.config import preset_config
 
@@ -79,7 +84,9 @@ def configuration(options: Mapping[str, Any]) -> FitConfig:
         (stages.setdefault(stage, {}) if dot else changes)[own] = read
     for stage, own in stages.items():
         changes[stage] = replace(getattr(config, stage), **own)
-    return replace(config, **changes)
+    changed = replace(config, **changes)
+    changed.check_effect()
+    return changed
 
 
 def known_options(config: FitConfig) -> list[str]:
@@ -93,13 +100,13 @@ def known_options(config: FitConfig) -> list[str]:
 
 
 def _scalars(holder: Any) -> dict[str, Any]:
-    """Type of each field of a configuration that is one number or word."""
+    """Type of each field of a configuration that is one number or word, or holds words."""
     hints = get_type_hints(type(holder))
     single = {name: hint for name, hint in hints.items() if name in {field.name for field in fields(holder)}}
     return {
         name: hint
         for name, hint in single.items()
-        if hint in (bool, int, float, str) or get_origin(hint) is Literal
+        if hint in (bool, int, float, str, WORDS) or get_origin(hint) is Literal
     }
 
 
@@ -109,6 +116,8 @@ def _read(name: str, value: Any, hint: Any) -> Any:
         if value not in get_args(hint):
             raise InputError(f"option {name} is {value!r}; choose {', '.join(get_args(hint))}.")
         return value
+    if hint == WORDS:
+        return tuple(str(value).split("+"))
     if hint is bool:
         words = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
         if str(value).lower() not in words:

@@ -12,7 +12,7 @@ from ...decomposition.region import Region
 from ...kernels.primitives import family as primitive_family
 from ...kernels.refine.point_batches import shared_points
 from ...kernels.rows import ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
-from ..config import ProposeConfig
+from ..presets import ProposeConfig
 from ..refine.levenberg import levenberg
 from .initial_primitives import all_starts
 from .region_points import RegionPoints, sample_regions

@@ -19,8 +19,8 @@ from ...kernels.field.points import PointBlocks, point_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.field.raw_parameters import RAW_DROP, RAW_KEEP
 from ...kernels.rows import GATE, ROW
-from ..config import AdamConfig
 from ..objective.objective import ObjectiveSamples
+from ..presets import AdamConfig
 from .adam_loss import loss_gradients
 from .first_order import Moments, Unbounded, to_raw
 from .sweep_axis import SweepAxes

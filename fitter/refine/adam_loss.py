@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...kernels.field.combine import combined, combined_share
-from ..config import AdamConfig
+from ..presets import AdamConfig
 from .joint import MASK
 
 

@@ -26,8 +26,8 @@ from ...kernels.refine.residual_points import contributions, drop_blocks, residu
 from ...kernels.refine.residual_rows import RowSorter
 from ...kernels.refine.residuals import residual_weights
 from ...kernels.runtime.launch_graph import LaunchGraph
-from ..config import RefineConfig
 from ..objective.objective import ObjectiveSamples
+from ..presets import RefineConfig
 from .levenberg import fit_ranges
 
 SHARED_DAMPING = Damping(better=0.7, worse=4.0, least=1e-5)

@@ -15,8 +15,8 @@ from ...kernels.field.adjoint import by_block, by_primitive, differentiable_asse
 from ...kernels.field.points import PointBlocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, GATE, ROTATION, ROW, SHAPE, SHAPES, TRANSLATION
-from ..config import AdamConfig
 from ..objective.objective import ObjectiveSamples
+from ..presets import AdamConfig
 from .adam_loss import fold_prefixes, loss_gradients, unfold
 
 TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...decomposition.coacd import propose_convex_regions
+from ...decomposition.proposals import PROPOSALS, proposal_of, proposals_for
 from ...decomposition.propose import find_parts, largest_parts
 from ...decomposition.region import Region
 from ..config import FitConfig
@@ -88,8 +88,8 @@ class SeededProposals:
 
     def regions(self, context: SearchContext, state: SearchState) -> list[Region]:
         """As `Proposals`."""
-        found = _largest_regions(context, state)
-        return [region for region in found if region.source.startswith("msd")][:ADAM_SEEDS]
+        found, wanted = _largest_regions(context, state), context.config.decompose
+        return [region for region in found if proposal_of(region).name == wanted][:ADAM_SEEDS]
 
     def candidates(
         self, context: SearchContext, state: SearchState, regions: list[Region], number: int
@@ -116,31 +116,27 @@ def proposals_of(context: SearchContext) -> Proposals:
 
 def is_baseline(config: FitConfig) -> bool:
     """Whether a method of others is asked for, to compare with: it goes without the steps that are not its own."""
-    return REFINERS[config.optimizer].selects or config.decompose != "msd"
+    return REFINERS[config.optimizer].selects or PROPOSALS[config.decompose].alone
 
 
 def cut(context: SearchContext, state: SearchState) -> list[Region]:
     """Regions of what is unexplained, and of what the primitives so far hold."""
-    config = context.config
-    if config.decompose == "coacd":
-        return propose_convex_regions(
-            context.target.grid, state.grid_field, config.propose.regions, config.seed
-        )
+    if PROPOSALS[context.config.decompose].alone:
+        return _largest_regions(context, state)
     return proposals_of(context).regions(context, state)
 
 
 def unexplained_parts(context: SearchContext, state: SearchState, slabs: bool) -> list[Region]:
-    """Parts of what is unexplained, with or without slabs."""
-    propose = context.config.propose
+    """Parts of what is unexplained, with or without slabs and other bulky ones."""
+    config, propose = context.config, context.config.propose
     return find_parts(
         context.target_cells,
         state.grid_field,
         first_round=not len(state.rows),
         device=context.device,
-        blocks=propose.blocks,
-        slabs=propose.slabs and slabs,
-        holes=propose.holes,
+        proposals=proposals_for(config.decompose, propose.without, bulky=slabs),
         most=propose.regions,
+        seed=config.seed,
     )
 
 
@@ -157,7 +153,7 @@ def neighbour_regions(context: SearchContext, state: SearchState) -> list[Region
 def _largest_regions(context: SearchContext, state: SearchState) -> list[Region]:
     """The largest parts of what is unexplained; of the whole, those that two tracks share."""
     if state.grid_field is None and state.beginning is not None:
-        parts = [part for part in state.beginning if state.slabs or part.source != "slab"]
+        parts = [part for part in state.beginning if state.slabs or not proposal_of(part).bulky]
     else:
         parts = unexplained_parts(context, state, state.slabs)
     return largest_parts(parts, context.config.propose.regions)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...kernels.select.coverage_sets import CandidateCoverage
-from ..config import SelectConfig
 from ..objective.objective import Tally
+from ..presets import SelectConfig
 from .cover import Cover
 from .greedy_cover import GreedyCover
 

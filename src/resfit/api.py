@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 import warp as wp
@@ -16,7 +16,7 @@ from resfit.assembly.transform import Transform
 from resfit.clock import Clock, timed
 from resfit.errors import InputError
 from resfit.exports.by_suffix import export_assembly as export
-from resfit.fitter.config import FitConfig, preset_config
+from resfit.fitter.config import OPTIONS, FitConfig, FitOptions, preset_config
 from resfit.fitter.progress import TARGET_SHARE, Progress
 from resfit.kernels.prefetch import prefetch
 from resfit.kernels.primitives import FAMILIES
@@ -39,26 +39,6 @@ READING_SECONDS = 10.0
 """However little time is allowed, a mesh may take so long to be read: there is nothing to write before."""
 
 TARGET_STAGES = ("load", "solid", "grid", "samples")
-
-
-class FitOptions(TypedDict, total=False):
-    """Fields of `FitConfig` that `fit` takes as keywords too; None leaves one as it is."""
-
-    device: str | None
-    seed: int | None
-    max_primitives: int | None
-    target_iou: float | None
-    tolerance: float | None
-    timeout: float | None
-    rounds: int | None
-    primitive: str | None
-    union: Literal["smooth", "hard"] | None
-    optimizer: str | None
-    decompose: str | None
-    parsimony: float | None
-    snap: bool | None
-    pareto: bool | None
-    per_part: Literal["auto", "on", "off"] | None
 
 
 def fit(
@@ -185,25 +165,34 @@ def check_objective(objective: str | None, start: Assembly | None, config: FitCo
         raise InputError(
             "--objective chamfer moves the parts of an assembly; give one that has parts with --init."
         )
-    if objective == "chamfer" and (config.snap or config.pareto):
-        raise InputError("--objective chamfer only moves parts; --snap and --pareto need a fit without it.")
+    idle = [name for name, entry in config.changed() if not entry.moves]
+    if objective == "chamfer" and idle:
+        needs = "needs" if len(idle) == 1 else "need"
+        raise InputError(
+            f"--objective chamfer only moves parts; {' and '.join(idle)} {needs} a fit without it."
+        )
+    if start is not None and config.per_part == "on":
+        raise InputError("--per-part fits each part anew; it cannot go on from the assembly of --init.")
 
 
 def make_config(config: FitConfig | None, preset: str | None, options: dict[str, Any]) -> FitConfig:
     """The configuration that `fit` was asked for; options that are None change nothing.
 
     Raises:
-        InputError: for an unknown option or preset, a value out of range, or a configuration and a preset at once.
+        InputError: for an unknown option or preset, a value out of range, an option without effect, or a
+            configuration and a preset at once.
     """
-    names = [field.name for field in fields(FitConfig)]
     for name in options:
-        if name not in names:
-            raise InputError(f"there is no option {name}; the options are {', '.join(sorted(names))}.")
-    if config is None:
-        return preset_config(preset or "balanced", **options)
-    if preset is not None:
+        if name not in OPTIONS:
+            raise InputError(f"there is no option {name}; the options are {', '.join(sorted(OPTIONS))}.")
+    if config is not None and preset is not None:
         raise InputError("give a preset or a config, not both.")
-    return replace(config, **{name: value for name, value in options.items() if value is not None})
+    if config is None:
+        made = preset_config(preset or FitConfig.preset, **options)
+    else:
+        made = replace(config, **{name: value for name, value in options.items() if value is not None})
+    made.check_effect()
+    return made
 
 
 def load_init(init: Assembly | str | os.PathLike[str]) -> Assembly:

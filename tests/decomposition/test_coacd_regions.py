@@ -7,8 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from resfit.decomposition.coacd import propose_convex_regions
+from resfit.decomposition.proposals.coacd import PROPOSAL
+from resfit.decomposition.propose import find_parts, largest_parts
+from resfit.decomposition.region import Region
+from resfit.decomposition.target_cells import target_cells
 from resfit.errors import InputError
+from resfit.kernels.runtime.launch import serial_device
 
 
 def l_shape() -> np.ndarray:
@@ -20,22 +24,33 @@ def l_shape() -> np.ndarray:
     return np.minimum(upright, lying).astype(np.float32)
 
 
+def convex_regions(grid: np.ndarray, explained: np.ndarray | None = None) -> list[Region]:
+    parts = find_parts(
+        target_cells(grid),
+        explained,
+        first_round=True,
+        device=serial_device(),
+        proposals=[PROPOSAL],
+    )
+    return largest_parts(parts, 64)
+
+
 def test_an_l_is_cut_into_its_bars():
     pytest.importorskip("coacd", reason="the optional package coacd is not installed")
     grid = l_shape()
-    regions = propose_convex_regions(grid)
+    regions = convex_regions(grid)
     assert 2 <= len(regions) <= 4
     covered = np.zeros(grid.shape, bool)
     for region in regions:
         box = tuple(slice(low, low + size) for low, size in zip(region.lower, region.mask.shape, strict=True))
         covered[box] |= region.mask
     assert (covered & (grid < 0)).sum() > 0.9 * (grid < 0).sum()
-    again = propose_convex_regions(grid)
+    again = convex_regions(grid)
     assert [region.volume for region in regions] == [region.volume for region in again]
 
 
 def test_nothing_left_is_no_region():
-    assert propose_convex_regions(l_shape(), l_shape() - 0.2) == []
+    assert convex_regions(l_shape(), l_shape() - 0.2) == []
 
 
 def test_a_missing_package_is_named(monkeypatch):
@@ -43,4 +58,4 @@ def test_a_missing_package_is_named(monkeypatch):
     with pytest.raises(
         InputError, match=r"coacd.*not installed; call .* -m pip install 'coacd>=.*to get it\.$"
     ):
-        propose_convex_regions(l_shape())
+        convex_regions(l_shape())

@@ -7,11 +7,11 @@ import trimesh
 import warp as wp
 from voxel_solids import box, cells, grid, paint, share
 
-from resfit.decomposition.box_tree import best_cuts, box_tree_parts
 from resfit.decomposition.coarse_grid import working_grid
-from resfit.decomposition.holes import hole_parts, rings
+from resfit.decomposition.proposals.box_tree import best_cuts, box_tree_parts
+from resfit.decomposition.proposals.holes import hole_parts, rings
+from resfit.decomposition.proposals.slabs import section_cuts, section_parts
 from resfit.decomposition.residual import find_residual
-from resfit.decomposition.slabs import section_cuts, section_parts
 from resfit.decomposition.target_cells import target_cells
 from resfit.fitter.config import preset_config
 from resfit.fitter.objective.objective import ObjectiveSamples

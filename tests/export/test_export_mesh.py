@@ -19,8 +19,10 @@ from resfit.assembly.colors import PALETTE
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.assembly.transform import Transform
 from resfit.errors import InputError
-from resfit.exports.by_suffix import WRITERS, export_assembly
+from resfit.exports.by_suffix import export_assembly
 from resfit.exports.normals import vertex_normals
+
+SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 
 HALF = (0.5, 0.5, 0.5, 0.5)
 
@@ -120,7 +122,7 @@ def test_ply_keeps_its_form_far_away(assembly: Assembly, tmp_path: Path) -> None
     assert np.abs(assembly.primitive_sdf(vertices, device="cpu")).min(axis=1).max() < 0.03
 
 
-@pytest.mark.parametrize("suffix", list(WRITERS))
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_merged_is_one_surface(assembly: Assembly, suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"union{suffix}"
     near = Assembly(assembly.primitives[:2], Transform(2.0))
@@ -131,7 +133,7 @@ def test_merged_is_one_surface(assembly: Assembly, suffix: str, tmp_path: Path) 
     assert mesh.body_count == 1
 
 
-@pytest.mark.parametrize("suffix", list(WRITERS))
+@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("merged", [True, False])
 def test_empty_assemblies(suffix: str, merged: bool, tmp_path: Path) -> None:
     path = tmp_path / f"empty{suffix}"
@@ -188,7 +190,7 @@ def test_backslashes_do_not_join_lines(assembly: Assembly, tmp_path: Path) -> No
 
 
 def test_same_assembly_same_bytes(assembly: Assembly, tmp_path: Path) -> None:
-    for suffix in WRITERS:
+    for suffix in SUFFIXES:
         first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
         for path in (first, second):
             export_assembly(assembly, path, merged=False, resolution=8, device="cpu")

@@ -9,9 +9,10 @@ from reference import primitive as exact_primitive
 from scenes import random_rows
 
 from resfit.errors import InputError
-from resfit.fitter.config import AdamConfig, FitConfig, preset_config
+from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.objective.samples import objective_samples
 from resfit.fitter.outcome import Status
+from resfit.fitter.presets import AdamConfig
 from resfit.fitter.refine.adam import redraw
 from resfit.fitter.refine.joint import refine
 from resfit.fitter.refine.levenberg import levenberg

@@ -40,7 +40,8 @@ def build_app(everything: bool = False) -> App:
     from resfit.cli.doctor import doctor
     from resfit.cli.eval import evaluate
     from resfit.cli.export import export
-    from resfit.cli.fit import MORE, fit
+    from resfit.cli.fit import fit
+    from resfit.cli.fit_options import MORE
     from resfit.cli.gallery import gallery
     from resfit.cli.help import show_help
     from resfit.cli.view import view

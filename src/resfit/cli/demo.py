@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from resfit.cli.fit_options import parameter
 from resfit.cli.single import run_fit
+from resfit.fitter.config import Preset
 
 MESH = "potted_cactus.glb"
 
@@ -19,15 +21,15 @@ FEW = 7
 def demo(
     *,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
-    preset: Literal["fast", "balanced", "best"] = "balanced",
-    device: str = "auto",
+    preset: Annotated[Preset, parameter("preset")] = "balanced",
+    device: Annotated[str, parameter("device")] = "auto",
 ) -> int:
     """Fit at most seven parts to a mesh that comes with resfit, and write them to a folder: look at preview.png first.
 
     Args:
         output: folder to write; potted_cactus.resfit in the current folder unless given.
-        preset: how much work to spend.
-        device: auto (the CPU), cpu or cuda:0.
+        preset: of the fit.
+        device: of the fit.
     """
     from resfit.result.folder import default_folder
 

@@ -8,38 +8,26 @@ import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from resfit.assembly.report import REPORT
 from resfit.cli.terminal import summarise, tell
 from resfit.errors import AssemblyError, InputError
+from resfit.fitter.config import Preset
 
 if TYPE_CHECKING:
     from resfit.eval.report.gallery import Entry
 
 FAILED = 3
 
-OPTIONS = (
-    "primitive",
-    "union",
-    "decompose",
-    "optimizer",
-    "max_primitives",
-    "target_iou",
-    "tolerance",
-    "rounds",
-    "parsimony",
-)
-"""Fields of a configuration that `resfit fit` has an option with a value for."""
-
 
 def gallery(
     *paths: Path,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("gallery"),
     work: Path | None = None,
-    preset: Literal["fast", "balanced", "best"] = "balanced",
+    preset: Preset = "balanced",
     timeout: float = 600.0,
     title: str = "Fits by resfit",
 ) -> int:
@@ -142,9 +130,11 @@ def fit_all(meshes: list[Path], work: Path, preset: str, timeout: float) -> int:
 def write_page(entry: Entry, path: Path, mesh: Path | None) -> None:
     """The page of a fit that has none, with the input where that is known."""
     from resfit.assembly.assembly import Assembly
-    from resfit.cli.export import export_page
+    from resfit.cli.export import page_options
+    from resfit.exports.by_suffix import export_assembly
 
-    export_page(Assembly.load(entry.folder / "assembly.json"), path, entry.folder, mesh, None)
+    assembly = Assembly.load(entry.folder / "assembly.json")
+    export_assembly(assembly, path, **page_options(assembly, entry.folder, mesh, None))
 
 
 def fit_command(report: dict[str, Any]) -> str:
@@ -154,7 +144,7 @@ def fit_command(report: dict[str, Any]) -> str:
     is of its type.
     """
     from resfit.assembly.plain_json import text_at
-    from resfit.fitter.config import preset_config
+    from resfit.fitter.config import PUBLIC, preset_config
 
     options, name, seed = report.get("options"), text_at(report, "input", "name"), report.get("seed") or 0
     if not isinstance(options, dict) or not name.isprintable() or not name or type(seed) is not int:
@@ -168,14 +158,11 @@ def fit_command(report: dict[str, Any]) -> str:
     if not _is_word(objective) or not all(_is_like(value, usual[key]) for key, value in changed.items()):
         return ""
     words = ["resfit", "fit", f"./{name}" if name.startswith("-") else name]
-    words += ["--preset", options["preset"]] if "preset" in options else []
-    for key in OPTIONS:
-        if key in changed:
-            words += ["--" + key.replace("_", "-"), str(changed.pop(key))]
-    words += [f"--{key}" for key in ("snap", "pareto") if changed.pop(key, False)]
-    if "per_part" in changed:
-        words.append({"on": "--per-part", "off": "--whole"}.get(str(changed.pop("per_part")), ""))
-    words += ["--seed", str(seed)] if seed else []
+    words += PUBLIC["preset"].words(options["preset"]) if "preset" in options else []
+    for key, entry in PUBLIC.items():
+        if key in changed and key != "preset":
+            words += entry.words(changed.pop(key))
+    words += PUBLIC["seed"].words(seed) if seed else []
     words += ["--init", "ASSEMBLY"] if options.get("init_sha256") else []
     words += ["--objective", objective] if objective else []
     # What only Python can set; not every shell skips comments, so nothing but plain words may stand there.

@@ -83,8 +83,8 @@ def _check_options(options: dict[str, Any]) -> None:
 
     own = ("preset", "init", "objective")
     fields = {name: value for name, value in options.items() if name not in own}
-    config = make_config(None, options["preset"], fields)
-    check_objective(options["objective"], None, config)
+    config = make_config(None, options.get("preset"), fields)
+    check_objective(options.get("objective"), None, config)
     choose_device(config.device)
 
 

@@ -14,6 +14,7 @@ from resfit.cli.stop import Stop, catching_signals
 from resfit.cli.terminal import printable, summarise, tell
 from resfit.cli.watching import Watcher, watching
 from resfit.clock import Clock
+from resfit.fitter.config import FitConfig
 from resfit.result.folder import OURS, PARETO, check_folder, holds_fit
 from resfit.shape.background_load import reading
 
@@ -51,7 +52,7 @@ def run_fit(
     check_folder(
         folder, [mesh] if init is None else [mesh, init / "assembly.json" if init.is_dir() else init]
     )
-    with watching(mesh, view, options.get("primitive") or "superfrustum") as watcher:
+    with watching(mesh, view, options.get("primitive") or FitConfig.primitive) as watcher:
         with catching_signals() as stop:
             code, result = fit_and_write(
                 mesh, folder, progress, options, stop, Clock.of_process(), quiet, watcher
@@ -80,7 +81,7 @@ def fit_and_write(
         StoppedError: if it was stopped before the mesh was read.
     """
     with reading(mesh) as source, make_reporter(progress) as reporter:
-        reporter.tell("start", mesh=mesh.name, preset=options.get("preset"))
+        reporter.tell("start", mesh=mesh.name, preset=options.get("preset") or FitConfig.preset)
         from resfit import fit as fit_mesh
 
         def show(stage: Progress) -> None:

@@ -44,7 +44,9 @@ def row(method: str, mesh: str = "a", **values: Any) -> dict[str, Any]:
 
 
 def test_variants_change_fields_of_the_configuration() -> None:
-    method = find_method("ours-fast:union=hard,propose.splits=0,adam.axis=learned,parsimony=0.01")
+    method = find_method(
+        "ours-fast:union=hard,propose.splits=0,optimizer=adam,adam.axis=learned,parsimony=0.01"
+    )
     config = configuration(method.options)
     assert (config.preset, config.union, config.propose.splits, config.adam.axis) == (
         "fast",
@@ -70,6 +72,7 @@ def test_variants_change_fields_of_the_configuration() -> None:
         ("ours:union=loose", "choose smooth, hard"),
         ("ours:excursions=some", "a whole number"),
         ("ours:rounds=0", "rounds"),
+        ("ours:adam.axis=learned", "adam has no effect with --optimizer levenberg"),
         ("ours:primitive=blob", "no such family"),
         ("ours:preset=slow", "preset"),
         ("ours:rounds", "key=value"),

@@ -8,7 +8,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from resfit.decomposition.region import Region, region_from_mask
-from resfit.fitter.config import FitStage, ProposeConfig
+from resfit.fitter.presets import FitStage, ProposeConfig
 from resfit.fitter.propose.candidates import fit_regions, seed_regions
 from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scenes import random_rows
 
-from resfit.fitter.config import AdamConfig
 from resfit.fitter.objective.samples import objective_samples
+from resfit.fitter.presets import AdamConfig
 from resfit.fitter.refine.adam import refine_with_adam
 from resfit.fitter.refine.adam_loss import fold_prefixes, unfold
 from resfit.fitter.refine.sweep_axis import SweepAxes, turned_copies

@@ -122,5 +122,7 @@ def test_bad_usage():
     lamp = Assembly.load(str(files("resfit.data") / "desk_lamp.json"))
     with pytest.raises(InputError, match="--snap"):
         fit(box, objective="chamfer", init=lamp, snap=True)
+    with pytest.raises(InputError, match="only moves parts; --union and --whole need a fit without it"):
+        fit(box, objective="chamfer", init=lamp, union="hard", per_part="off")
     with pytest.raises(InputError, match="no such objective"):
         fit(box, objective="beauty")  # type: ignore[arg-type]

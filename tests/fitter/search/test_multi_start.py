@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 from resfit.decomposition import propose
+from resfit.decomposition.proposals import proposals_for
 from resfit.decomposition.propose import propose_regions
 from resfit.fitter.config import preset_config
 from resfit.fitter.outcome import Status
@@ -91,7 +92,11 @@ def test_two_tracks_begin_with_one_decomposition(stool, device, monkeypatch):
     assert begun.count(True) == 1
     wanted = [
         propose_regions(
-            target.grid, first_round=True, device=device, slabs=slabs, most=config.propose.regions
+            target.grid,
+            first_round=True,
+            device=device,
+            proposals=proposals_for("msd", bulky=slabs),
+            most=config.propose.regions,
         )
         for slabs in (False, True)
     ]

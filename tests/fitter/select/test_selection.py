@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from resfit.fitter.config import SelectConfig
 from resfit.fitter.objective.objective import SEARCH_OVERLAP_PRICE, ObjectiveSamples, Tally
+from resfit.fitter.presets import SelectConfig
 from resfit.fitter.select.greedy_cover import GreedyCover
 from resfit.fitter.select.selection import prune, select
 from resfit.kernels.field.evaluate import evaluate_primitives

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scenes import random_rows
 
-from resfit.fitter.config import RefineConfig
 from resfit.fitter.objective.objective import ObjectiveSamples
+from resfit.fitter.presets import RefineConfig
 from resfit.fitter.refine.joint import RefineStep, refine, sharpness_levels
 from resfit.fitter.refine.levenberg import fit_ranges
 from resfit.kernels.field.evaluate import evaluate_primitives

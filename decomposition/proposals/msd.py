@@ -11,12 +11,16 @@ import math
 import numpy as np
 import warp as wp
 
-from ..kernels.grid.distance_grid import distance_transform
-from ..kernels.grid.morphology import components, deepest_core
-from ..kernels.grid.sparse_cells import CellSet, squared_distances
-from ..kernels.runtime.launch import serial_device
-from .coarse_grid import WorkingGrid
-from .region import Region
+from ...kernels.grid.distance_grid import distance_transform
+from ...kernels.grid.morphology import components, deepest_core
+from ...kernels.grid.sparse_cells import CellSet, squared_distances
+from ...kernels.runtime.launch import serial_device
+from ..coarse_grid import WorkingGrid
+from ..region import Region
+from .proposal import Proposal
+
+FRACTIONS = (0.005, 0.03, 0.12)
+"""Volume fractions of the decompositions: small ones find knobs and limbs, large ones the body."""
 
 ITERATIONS = 7
 """Parts peeled off for one volume fraction, at most."""
@@ -146,3 +150,10 @@ def _distances(
     mask[tuple(target - low[:, None])] = True
     away = distance_transform(wp.array(mask, dtype=wp.bool, device=device)).numpy()
     return near, away[tuple(index - low[:, None])]
+
+
+PROPOSAL = Proposal(
+    name="msd",
+    find=lambda unexplained: decompose(unexplained.grid, FRACTIONS, unexplained.device),
+    rank=2,
+)

@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage
 
-from .coarse_grid import WorkingGrid
-from .region import Region, label_components
+from ..coarse_grid import WorkingGrid
+from ..region import Region, label_components
+from .proposal import Proposal
 from .slabs import section_cuts
 
 SMALLEST_HOLE = 6
@@ -73,3 +74,12 @@ def rings(section: np.ndarray) -> list[np.ndarray]:
         width = min(wall, 0.5 * np.sqrt(areas[hole])) + 0.5
         found.append((padded & (to_hole <= max(width, 1.0)))[1:-1, 1:-1])
     return found
+
+
+PROPOSAL = Proposal(
+    name="hole",
+    find=lambda unexplained: hole_parts(unexplained.grid),
+    rank=6,
+    title="walls around holes",
+    first_round=True,
+)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.grid.morphology import largest_components
-from ..kernels.grid.sparse_cells import BORDER, CellSet
-from .coarse_grid import WorkingGrid
-from .region import Region
+from ...kernels.grid.morphology import largest_components
+from ...kernels.grid.sparse_cells import BORDER, CellSet
+from ..coarse_grid import WorkingGrid
+from ..region import Region
+from .proposal import Proposal
 
 LEAST_CHANGE = 0.1
 """Share of a cross-section that has to change within a few cells for a cut."""
@@ -68,3 +69,12 @@ def section_cuts(cells: CellSet, axis: int) -> list[int]:
         if all(abs(cut - other) > 2 for other in cuts) and 1 < cut < count - 1:
             cuts.append(int(cut))
     return sorted(cuts)
+
+
+PROPOSAL = Proposal(
+    name="slab",
+    find=lambda unexplained: section_parts(unexplained.grid),
+    rank=5,
+    title="slabs",
+    bulky=True,
+)

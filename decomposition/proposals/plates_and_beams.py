@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.grid.morphology import largest_components
-from .coarse_grid import WorkingGrid
-from .region import Region
+from ...kernels.grid.morphology import largest_components
+from ..coarse_grid import WorkingGrid
+from ..region import Region
+from .proposal import Proposal
 
 SLIMNESS = 2
 """A plate is this many times wider than thick, a beam as many times longer than wide."""
@@ -39,3 +40,11 @@ def straight_parts(grid: WorkingGrid) -> list[Region]:
                 if region is not None:
                     regions.append(region)
     return regions
+
+
+PROPOSAL = Proposal(
+    name="straight",
+    find=lambda unexplained: straight_parts(unexplained.grid),
+    rank=3,
+    sources=("plate", "beam"),
+)

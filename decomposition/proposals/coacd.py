@@ -14,9 +14,8 @@ from scipy.spatial import ConvexHull, QhullError
 from resfit.errors import InputError
 from resfit.extras import command_for
 
-from .region import Region, region_from_mask, without_duplicates
-from .residual import find_residual
-from .target_cells import target_cells
+from ..region import Region, region_from_mask
+from .proposal import Proposal, Unexplained
 
 THRESHOLD = 0.05
 """CoACD's concavity at which a piece is convex enough: its own default."""
@@ -26,35 +25,24 @@ SMALLEST = 12
 """Cells of the smallest region that is worth a primitive."""
 
 
-def propose_convex_regions(
-    grid: np.ndarray, explained: np.ndarray | None = None, most: int = 64, seed: int = 0
-) -> list[Region]:
-    """The residual's cells, cut into nearly convex regions.
-
-    Args:
-        grid: (n, n, n) signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
-        explained: the same of the assembly so far, None if there is none.
-        most: regions at most; the largest are kept.
-        seed: of CoACD's search.
+def convex_parts(unexplained: Unexplained) -> list[Region]:
+    """The residual's cells, cut into nearly convex regions with source "coacd".
 
     Raises:
         InputError: if the package is not installed.
     """
-    residual = find_residual(target_cells(grid), explained)
-    if residual is None:
-        return []
+    residual = unexplained.residual
     solid = residual.depth > 0.0
     cells = np.argwhere(solid)
     regions = []
-    for hull in _convex_pieces(residual.depth, seed):
+    for hull in _convex_pieces(residual.depth, unexplained.seed):
         inside = _cells_in_hull(hull, cells)
         mask = np.zeros(solid.shape, bool)
         mask[tuple(cells[inside].T)] = True
         region = region_from_mask(mask, residual.lower, residual.resolution, "coacd")
         if region is not None and region.volume >= SMALLEST:
             regions.append(region)
-    regions.sort(key=lambda region: -region.volume)
-    return without_duplicates(regions)[:most]
+    return regions
 
 
 def _convex_pieces(depth: np.ndarray, seed: int) -> list[np.ndarray]:
@@ -88,3 +76,6 @@ def _cells_in_hull(hull: np.ndarray, cells: np.ndarray) -> np.ndarray:
     except QhullError:
         return np.zeros(len(cells), bool)
     return np.asarray((cells @ planes[:, :3].T + planes[:, 3] < 0.5).all(1))
+
+
+PROPOSAL = Proposal(name="coacd", find=convex_parts, alone=True)

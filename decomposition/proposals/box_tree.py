@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.grid.morphology import components
-from .coarse_grid import WorkingGrid
-from .region import Region
+from ...kernels.grid.morphology import components
+from ..coarse_grid import WorkingGrid
+from ..region import Region
+from .proposal import Proposal
 
 LEAST_GAIN = 0.06
 """Share of its box that a cut has to save."""
@@ -110,3 +111,11 @@ def _range_boxes(shadows: list[np.ndarray], axis: int) -> np.ndarray:
         highest = np.maximum.accumulate(np.where(later, high[None, :], 0), axis=1)
         volume[:count, 1:] *= np.maximum(highest - lowest, 0)
     return volume
+
+
+PROPOSAL = Proposal(
+    name="block",
+    find=lambda unexplained: box_tree_parts(unexplained.grid),
+    rank=4,
+    title="tree of boxes",
+)
