@@ -136,8 +136,8 @@ def test_canonical_changes_are_small_and_end() -> None:
     )
     seen = []
     while changes := canonical_changes(row, "superfrustum"):
-        name, _, row = changes[0]
-        seen.append(name)
+        row = changes[0].row
+        seen.append(changes[0].rule.name)
     assert seen == ["onion", "bulge", "taper", "dilation", "roundness", "square"]
     assert row[SHAPES] == row[SHAPES + 1] and row[SHAPES + 2] == pytest.approx(0.82)
     far = family("superfrustum").shape_row(
