@@ -21,7 +21,7 @@ def steepest_slope(primitives: PrimitiveSet) -> float:
 
 
 def safe_step(primitives: PrimitiveSet) -> float:
-    """Share of the union's field within which, but for few points, a ray meets no surface."""
+    """Share of the union's field after which, but for few points, a ray is before the surface or inside."""
     return min((entry.step(shape) for entry, shape in _shapes(primitives)), default=1.0)
 
 

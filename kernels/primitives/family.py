@@ -86,7 +86,7 @@ class Family:
     slope: Callable[[np.ndarray], float] = lambda shape: 1.0
     """shape -> Lipschitz constant of the field, but for few points."""
     step: Callable[[np.ndarray], float] = lambda shape: 1.0
-    """shape -> share of the field's value within which, but for few points, a ray meets no surface."""
+    """shape -> share of the field's value after which, but for few points, a ray is before the surface or inside."""
     walls: Callable[[np.ndarray], np.ndarray] | None = None
     """shape -> thickness (3,) of the thinnest wall along each axis; the box's sides unless given."""
     straightened: Callable[[np.ndarray], tuple[np.ndarray, PointMap] | None] = lambda shape: None
