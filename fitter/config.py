@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from resfit.errors import InputError
 
-from ..kernels.primitives import FAMILIES
+from ..kernels.primitives import DEFAULT_FAMILY, FAMILIES
 
 Preset = Literal["fast", "balanced", "best"]
 
@@ -181,7 +181,7 @@ class FitConfig:
     device: str = "auto"
     """Where the kernels run: auto (the CPU), cpu or cuda:0. The greedy choice runs on the CPU anyway."""
     seed: int = 0
-    primitive: str = "superfrustum"
+    primitive: str = DEFAULT_FAMILY
     """Family that is fitted."""
     union: Literal["smooth", "hard"] = "smooth"
     decompose: Literal["msd", "coacd"] = "msd"

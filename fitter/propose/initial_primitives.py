@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...decomposition.region import Region, spread_indices
+from ...kernels.primitives import DEFAULT_FAMILY
 from ...kernels.primitives import family as find_family
 from ...kernels.rows import ROTATION, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
 from .hypotheses import Hypotheses, guess_shapes
@@ -25,7 +26,7 @@ HALF_CELL = 1.0 / 128.0
 
 
 def region_starts(
-    region: Region | np.ndarray, family: str = "superfrustum", count: int = STARTS
+    region: Region | np.ndarray, family: str = DEFAULT_FAMILY, count: int = STARTS
 ) -> tuple[np.ndarray, list[str]]:
     """Starting rows for one region, the likeliest and most different hypotheses first.
 
@@ -42,7 +43,7 @@ def region_starts(
 
 
 def all_starts(
-    regions: Sequence[Region | np.ndarray], family: str = "superfrustum", count: int = STARTS
+    regions: Sequence[Region | np.ndarray], family: str = DEFAULT_FAMILY, count: int = STARTS
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """`region_starts` of many regions: rows (s, ROW), the region (s,) int32 that each is for, and the kinds."""
     entry = find_family(family)

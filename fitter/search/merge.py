@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...kernels.rows import BLEND
@@ -36,11 +38,17 @@ def mergers(
     pool = np.concatenate([candidate_pool.candidates(), rows])
     members = list(range(len(pool) - count, len(pool)))
     with candidate_pool.joined_by(rows) as coverage:
-        return _mergers(GreedyCover(coverage, context.tally, context.alpha), pool, members, most, worst_loss)
+        choice = GreedyCover(coverage, context.tally, context.alpha)
+        return _mergers(choice, pool, context.families(pool), members, most, worst_loss)
 
 
 def _mergers(
-    choice: GreedyCover, pool: np.ndarray, members: list[int], most: int, worst_loss: float
+    choice: GreedyCover,
+    pool: np.ndarray,
+    families: Sequence[str],
+    members: list[int],
+    most: int,
+    worst_loss: float,
 ) -> list[np.ndarray]:
     """`mergers` of the members of a pool."""
     for index in members:
@@ -60,7 +68,7 @@ def _mergers(
         merged = pool.copy()
         merged[index, BLEND] = pool[leavers, BLEND].max()
         kept = [member for member in members if member not in leavers]
-        moves.append(merged[sorted_by_volume(merged, [*kept, int(index)])])
+        moves.append(merged[sorted_by_volume(merged, families, [*kept, int(index)])])
     return moves
 
 

@@ -67,7 +67,7 @@ class MultiStart(Search):
                 self.finish()
         self.score = at_price(self.score, self.config.parsimony, self.price)
         order = (
-            np.argsort(-rough_volume(self.rows), kind="stable")
+            np.argsort(-rough_volume(self.rows, self.families(self.rows)), kind="stable")
             if self.config.union == "hard"
             else slice(None)
         )

@@ -6,7 +6,7 @@ A round decomposes what is unexplained, proposes, selects, refines and prunes.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
@@ -14,7 +14,8 @@ import warp as wp
 from ...decomposition.coacd import propose_convex_regions
 from ...decomposition.propose import find_parts, largest_parts
 from ...decomposition.region import Region
-from ...kernels.rows import BLEND, SHAPES
+from ...kernels.field.bounds import extents
+from ...kernels.rows import BLEND
 from ...kernels.runtime.launch import serial_device
 from ...shape.target import Target
 from ..config import FitConfig, RefineConfig
@@ -159,7 +160,8 @@ class Search(SearchContext):
         with self.timed("propose"):
             remembered = self.propose(regions, number)
             candidates = remembered if others is None else np.concatenate([remembered, others])
-            candidates[:, BLEND] = starting_blends(candidates) if config.union == "smooth" else 0.0
+            blends = starting_blends(candidates, self.families(candidates))
+            candidates[:, BLEND] = blends if config.union == "smooth" else 0.0
             pool = np.concatenate([candidates, self.rows])
         if self.should_stop():
             return
@@ -170,7 +172,7 @@ class Search(SearchContext):
             return
         self.tell("refine", number, 0.6)
         with self.timed("refine"):
-            selected = pool[sorted_by_volume(pool, chosen)]
+            selected = pool[sorted_by_volume(pool, self.families(pool), chosen)]
             refined = self.refine(selected, number, config.refine if rich else config.sharpen)
         with self.timed("prune"):
             if config.union == "smooth":
@@ -275,7 +277,7 @@ class Search(SearchContext):
             )
 
 
-def starting_blends(rows: np.ndarray) -> np.ndarray:
+def starting_blends(rows: np.ndarray, families: Sequence[str]) -> np.ndarray:
     """Blends (primitive_count,) of new primitives: thin ones would drown in a wide one."""
-    thickness = rows[:, SHAPES : SHAPES + 3].min(1)
+    thickness = extents(rows, families).min(1)
     return np.minimum(STARTING_BLEND * thickness, WIDEST_START)

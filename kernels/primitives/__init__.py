@@ -16,7 +16,10 @@ from .family import Family, Symmetries
 from .parameters import Parameter
 from .plugins import outside_families
 
-__all__ = ["FAMILIES", "Family", "Parameter", "Symmetries", "family", "register"]
+__all__ = ["DEFAULT_FAMILY", "FAMILIES", "Family", "Parameter", "Symmetries", "family", "register"]
+
+DEFAULT_FAMILY = "superfrustum"
+"""What is fitted unless another is asked for."""
 
 FAMILIES: dict[str, Family] = {}
 """Every family by name: the package's own in alphabetical order, then the others as they were registered."""

@@ -57,7 +57,8 @@ class Family:
     name: str
     description: str
     parameters: tuple[Parameter, ...]
-    """At most SHAPE numbers in all. Those of unit "length", and they alone, scale with the frame."""
+    """At most SHAPE numbers in all. Those of unit "length", and they alone, scale with the frame. `size`, where there
+    is one, comes first: three full extents along the axes, which editors stretch."""
     table: Any
     """`wp.struct` with everything the field needs that does not depend on the point."""
     derive: Any
@@ -124,6 +125,12 @@ class Family:
         """Columns of the shape that scale with the frame."""
         of_unit = (self.columns(entry.name) for entry in self.parameters if entry.unit == "length")
         return [column for columns in of_unit for column in range(columns.start, columns.stop)]
+
+    @property
+    def sides(self) -> list[int]:
+        """Columns of the shape that tell how large it is: those of `size`, else all lengths."""
+        columns = self.columns("size") if self.has("size") else None
+        return self.lengths if columns is None else list(range(columns.start, columns.stop))
 
     def has(self, *names: str) -> bool:
         """Whether it has parameters of these names."""

@@ -21,6 +21,8 @@ class Parameter:
     default: tuple[float, ...]
     slider: tuple[float, float]
     """Range an editor offers."""
+    typical: tuple[float, float] | None = None
+    """Range of usual values, for random scenes; the legal one unless given."""
 
     @property
     def count(self) -> int:
@@ -35,7 +37,14 @@ LENGTH_MAX = 3.2
 def size_parameter(description: str = "full extents; z is the sweep axis") -> Parameter:
     """The entry that all families begin with."""
     return Parameter(
-        "size", description, "length", (0.0, math.inf), (1e-3, LENGTH_MAX), (0.5, 0.5, 0.5), (0.0, 2.0)
+        "size",
+        description,
+        "length",
+        (0.0, math.inf),
+        (1e-3, LENGTH_MAX),
+        (0.5, 0.5, 0.5),
+        (0.0, 2.0),
+        (0.1, 0.6),
     )
 
 
@@ -49,6 +58,7 @@ def dilation_parameter() -> Parameter:
         (0.0, 1.0),
         (0.0,),
         (0.0, 1.0),
+        (0.0, 0.05),
     )
 
 

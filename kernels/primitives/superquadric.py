@@ -196,6 +196,7 @@ FAMILY = Family(
             (0.1, 1.9),
             (1.0, 1.0),
             (0.0, 2.0),
+            (0.3, 1.7),
         ),
     ),
     table=Superquadric,

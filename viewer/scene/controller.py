@@ -16,6 +16,7 @@ from resfit.errors import InputError, ResfitError
 
 from ...assembly.primitive import Primitive, shown
 from ...exports.by_suffix import check_path, export_assembly
+from ...kernels.primitives import DEFAULT_FAMILY
 from ..model.commands import COMMAND_OF, COMMANDS, Command, find_command
 from ..model.documents import Document
 from ..model.edit_session import PartRef, State
@@ -24,9 +25,6 @@ from ..model.poses import to_vector
 from ..model.text_entry import Entry
 from ..model.view_options import COMPARING, SWITCHES, TOGGLES, is_on, switched
 from .scene import Scene
-
-FIRST_FAMILY = "superfrustum"
-"""What the key adds while nothing is selected."""
 
 
 class Controller:
@@ -232,7 +230,7 @@ class Controller:
 
     def do_add(self) -> None:
         selected = self.session.selected
-        self.add(self.session.part(selected).family if selected else FIRST_FAMILY)
+        self.add(self.session.part(selected).family if selected else DEFAULT_FAMILY)
 
     def do_rename(self) -> None:
         ref = self._chosen()

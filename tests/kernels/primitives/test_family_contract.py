@@ -57,7 +57,8 @@ def test_the_table_fits_into_a_row(entry: Family) -> None:
     assert len(set(names)) == len(names)
     assert list(FAMILIES).index(entry.name) == entry.index
     assert all(parameter.unit in ("length", "ratio") for parameter in entry.parameters)
-    assert {column for column in entry.lengths} <= set(range(entry.parameter_count))
+    assert "size" not in names or (names[0] == "size" and entry.parameters[0].count == 3)
+    assert set(entry.lengths) <= set(range(entry.parameter_count))
 
 
 @every_family
@@ -140,17 +141,16 @@ def test_reach_bounds_the_change_of_the_field(entry: Family, rng: np.random.Gene
     middles = rng.uniform(-1.5, 1.5, (40, 1, 3))
     points = middles + rng.uniform(-1.0, 1.0, (40, 64, 3)) * rng.choice([0.01, 0.1, 0.5], (40, 1, 1))
     blocks = point_blocks(points.reshape(-1, 3).astype(np.float32), device)
-    both = []
-    for lists in (every_primitive(primitives, blocks), cull(primitives, blocks)):
-        field = wp.empty(len(points) * 64, dtype=float, device=device)
-        union_at(primitives, blocks, field, lists=lists)
-        both.append(field.numpy())
-    np.testing.assert_array_equal(both[0], both[1])
+    both = [
+        union_at(primitives, blocks, lists=lists).numpy()[: blocks.count]
+        for lists in (every_primitive(primitives, blocks), cull(primitives, blocks))
+    ]
+    np.testing.assert_allclose(both[0], both[1], atol=1e-6)
 
 
 @every_family
 def test_a_slope_and_a_step_hold_but_for_few_points(entry: Family, rng: np.random.Generator) -> None:
-    """No field is steeper than its slope near its surface; a safe step ends before the solid or inside, never behind it."""
+    """No field is steeper than its slope; a safe step ends before the solid or inside, never behind it."""
     steep, jumped, tried = 0, 0, 0
     for shape in random_shapes(entry, rng):
         points = around(entry, shape, rng)
@@ -158,7 +158,9 @@ def test_a_slope_and_a_step_hold_but_for_few_points(entry: Family, rng: np.rando
         near = points + (1e-2 * rng.normal(size=points.shape)).astype(np.float32)
         change = np.abs(values(entry, shape, near) - found)
         if not entry.approximate:
-            steep += int((change > 1.01 * entry.slope(shape) * np.linalg.norm(near - points, axis=1) + 1e-5).sum())
+            steep += int(
+                (change > 1.01 * entry.slope(shape) * np.linalg.norm(near - points, axis=1) + 1e-5).sum()
+            )
         directions = rng.normal(size=points.shape)
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         length = max(entry.step(shape), 0.08) * np.maximum(found, 0.0)
@@ -188,7 +190,10 @@ def test_symmetries_are_those_of_the_field(entry: Family, rng: np.random.Generat
         points = around(entry, shape, rng, 0.7)
         mirrored = points * np.float32([1.0, -1.0, 1.0])
         np.testing.assert_allclose(
-            values(entry, shape, mirrored), values(entry, shape, points), atol=1e-5, err_msg="mirrored in y = 0"
+            values(entry, shape, mirrored),
+            values(entry, shape, points),
+            atol=1e-5,
+            err_msg="mirrored in y = 0",
         )
         for name, turn in TURNS.items():
             wanted: Values | None = getattr(entry.symmetries, name)
@@ -217,7 +222,7 @@ def test_symmetries_are_those_of_the_field(entry: Family, rng: np.random.Generat
 def test_canonical_changes_are_small(entry: Family, rng: np.random.Generator) -> None:
     """A shape that is canonical but for rounding keeps its surface, and once canonical it stays so."""
     for shape, rule in product(random_shapes(entry, rng, 8), entry.rules):
-        canonical = rule.impose(entry, shape, 0.0 if rule.name not in NEAR_VALUES else NEAR_VALUES[rule.name])
+        canonical = rule.impose(entry, shape, NEAR_VALUES.get(rule.name, 0.0))
         assert rule.change(entry, canonical) is None
         for column in range(entry.parameter_count):
             nearly = canonical.copy()
@@ -228,7 +233,10 @@ def test_canonical_changes_are_small(entry: Family, rng: np.random.Generator) ->
             assert change.distance <= rule.rounding
             points = around(entry, shape, rng)
             shift = np.zeros(3) if change.shift is None else change.shift
-            before, after = values(entry, nearly, points), values(entry, change.shape, points - np.float32(shift))
+            before, after = (
+                values(entry, nearly, points),
+                values(entry, change.shape, points - np.float32(shift)),
+            )
             surface = np.abs(before) < 0.02
             assert np.quantile(np.abs(after - before)[surface], 0.98) < 1e-3
             assert rule.change(entry, change.shape) is None
