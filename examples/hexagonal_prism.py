@@ -21,7 +21,7 @@ import warp as wp
 
 from resfit.kernels.primitives.canonical_rules import Change, Rule
 from resfit.kernels.primitives.family import Box, Family, Symmetries
-from resfit.kernels.primitives.parameters import LENGTH_MAX, Parameter
+from resfit.kernels.primitives.parameters import LENGTH_MAX, Parameter, ParameterTable
 from resfit.kernels.primitives.swept_solids import SweptSolids, shapes_by_name
 from resfit.kernels.rows import SHAPES_C, Derivatives
 from resfit.kernels.vector_math import larger, sign
@@ -99,14 +99,14 @@ def bounds(shape: np.ndarray) -> Box:
     return -half, half
 
 
-def starts(family: Family, solids: SweptSolids) -> tuple[np.ndarray, np.ndarray]:
+def starts(family: ParameterTable, solids: SweptSolids) -> tuple[np.ndarray, np.ndarray]:
     """The prism or pyramid of the solid's height and about its section."""
     width = np.sqrt(solids.extents[:, 0] * solids.extents[:, 1] * math.sqrt(0.75))
     given = {"width": width, "height": solids.extents[:, 2], "roundness": solids.roundness}
     return shapes_by_name(family, solids, given)
 
 
-def straighten(family: Family, shape: np.ndarray) -> Change | None:
+def straighten(family: ParameterTable, shape: np.ndarray) -> Change | None:
     """A prism, of the width at half the height, in place of what hardly tapers."""
     taper = float(shape[2])
     if taper == 1.0 or abs(taper - 1.0) > 0.1:

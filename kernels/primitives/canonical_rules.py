@@ -1,4 +1,4 @@
-"""Rules by which nearly canonical parameters become canonical: solid, sharp, round or square.
+"""Rules by which nearly canonical parameters become canonical: solid, prismatic, sharp, round or square.
 
 A rule keeps the primitive's volume about where it was, so that it costs the objective little. Lengths are normalised.
 Rules of one family alone stand in that family's file.
@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .family import Family
+from .parameters import ParameterTable
 
+NEAR_TAPER = 0.1
 NEAR_ROUNDNESS = 0.15
 NEAR_SQUARE = 0.06
 """Relative difference of the two sides of a profile."""
@@ -44,28 +44,42 @@ class Rule:
     """The parameter; or another word where `impose` and `read` are given."""
     rounding: float
     """Distance up to which the value is taken to be canonical but for rounding."""
-    change: Callable[[Family, np.ndarray], Change | None]
+    change: Callable[[ParameterTable, np.ndarray], Change | None]
     """(family, shape) -> what would change; None where nothing is near enough, or all is canonical."""
-    imposed: Callable[[Family, np.ndarray], np.ndarray] | None = None
-    read: Callable[[Family, np.ndarray], float] | None = None
+    imposed: Callable[[ParameterTable, np.ndarray], np.ndarray] | None = None
+    read: Callable[[ParameterTable, np.ndarray], float] | None = None
 
-    def impose(self, family: Family, shape: np.ndarray, value: float) -> np.ndarray:
+    def impose(self, family: ParameterTable, shape: np.ndarray, value: float) -> np.ndarray:
         """The shape with the canonical value, however far it is from that, and nothing else changed."""
         return self.imposed(family, shape) if self.imposed else family.with_values(shape, {self.name: value})
 
-    def value(self, family: Family, shape: np.ndarray) -> float:
+    def value(self, family: ParameterTable, shape: np.ndarray) -> float:
         """The number that the rule made canonical."""
         return self.read(family, shape) if self.read else family.value(shape, self.name, 0.0)
 
 
-def _solid(family: Family, shape: np.ndarray) -> Change | None:
+def _solid(family: ParameterTable, shape: np.ndarray) -> Change | None:
     onion = family.value(shape, "onion", -1.0)
     if not -1.0 < onion < NEAR_SOLID:
         return None
     return Change(-1.0, family.with_values(shape, {"onion": -1.0}), max(0.0, onion))
 
 
-def _sharp(family: Family, shape: np.ndarray) -> Change | None:
+def _prism(family: ParameterTable, shape: np.ndarray) -> Change | None:
+    taper = family.value(shape, "taper", 1.0)
+    if taper == 1.0 or abs(taper - 1.0) > NEAR_TAPER:
+        return None
+    changed, profile = family.with_values(shape, {"taper": 1.0}), shape[family.columns("size")][:2]
+    # The mean of bottom and top: they differ by twice the change of the inset.
+    narrow = 0.5 * (1.0 - taper) * float(profile.min())
+    changed[family.columns("size")][:2] = np.maximum(profile - narrow, 1e-4)
+    # What dilation makes thick tapers less than its profile does.
+    width = float(profile.max())
+    thick = width + 2.0 * family.value(shape, "dilation", 0.0)
+    return Change(1.0, changed, abs(taper - 1.0) * width / thick)
+
+
+def _sharp(family: ParameterTable, shape: np.ndarray) -> Change | None:
     dilation = family.value(shape, "dilation", 0.0)
     if not 0.0 < dilation <= NEAR_SHARP or family.value(shape, "onion", -1.0) > 0.0:
         return None
@@ -74,7 +88,7 @@ def _sharp(family: Family, shape: np.ndarray) -> Change | None:
     return Change(0.0, changed, dilation)
 
 
-def _profile(family: Family, shape: np.ndarray) -> Change | None:
+def _profile(family: ParameterTable, shape: np.ndarray) -> Change | None:
     roundness = family.value(shape, "roundness", 0.0)
     for value in (0.0, 1.0):
         if 0.0 < abs(roundness - value) <= NEAR_ROUNDNESS:
@@ -82,7 +96,7 @@ def _profile(family: Family, shape: np.ndarray) -> Change | None:
     return None
 
 
-def _square(family: Family, shape: np.ndarray) -> Change | None:
+def _square(family: ParameterTable, shape: np.ndarray) -> Change | None:
     x, y = (float(value) for value in shape[family.columns("size")][:2])
     if x == y or abs(x - y) > NEAR_SQUARE * max(x, y):
         return None
@@ -91,7 +105,7 @@ def _square(family: Family, shape: np.ndarray) -> Change | None:
     return Change(0.5 * (x + y), changed, abs(x - y) / max(x, y))
 
 
-def _made_square(family: Family, shape: np.ndarray) -> np.ndarray:
+def _made_square(family: ParameterTable, shape: np.ndarray) -> np.ndarray:
     changed = shape.copy()
     sides = changed[family.columns("size")][:2]
     sides[:] = sides.mean()
@@ -99,6 +113,7 @@ def _made_square(family: Family, shape: np.ndarray) -> np.ndarray:
 
 
 SOLID = Rule("onion", 0.0, _solid)
+PRISM = Rule("taper", 0.015, _prism)
 SHARP = Rule("dilation", 2e-3, _sharp)
 PROFILE = Rule("roundness", 0.03, _profile)
 SQUARE = Rule(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .family import Family, Turned
+from .parameters import ParameterTable
+
+Turned = tuple[np.ndarray, tuple[int, int, int] | None]
+"""A shape (SHAPE,), and which of the old axes its x, y and z are; None where they stay."""
 
 THIN = 0.08
 """A size below this share of the dilation may be none."""
@@ -17,7 +17,7 @@ NEARLY_ONE = 0.99
 """Onion above which a wall is none, where dilation makes it thick."""
 
 
-def without_extent(family: Family, shape: np.ndarray) -> Turned:
+def without_extent(family: ParameterTable, shape: np.ndarray) -> Turned:
     """A shape (SHAPE,) whose thin sizes, and a thin wall, are none: dilation takes their place.
 
     Returns:
@@ -48,7 +48,7 @@ def without_extent(family: Family, shape: np.ndarray) -> Turned:
     return changed, None if thin.all() else ((axis + 1) % 3, (axis + 2) % 3, axis)
 
 
-def flat_ended(family: Family, shape: np.ndarray) -> np.ndarray:
+def flat_ended(family: ParameterTable, shape: np.ndarray) -> np.ndarray:
     """The cylinder that is as long and as thick as a capsule: a thin rod ends as one or the other."""
     dilation = family.value(shape, "dilation", 0.0)
     width, depth, length = shape[family.columns("size")].tolist()

@@ -1,32 +1,24 @@
-"""What a primitive family is: its parameter table, its field and its GLSL text.
-
-Everything that lists parameters (the JSON schema, sliders, the fitter's bounds, the docs) reads these tables.
-"""
+"""What a primitive family is: all that the rest of the package knows of a kind of primitive."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ..rows import SHAPE
 from .canonical_rules import Rule
-from .parameters import Parameter
+from .dilated import Turned
+from .parameters import ParameterTable, Values
 from .swept_solids import SweptSolids, shapes_by_name
 
 PointMap = Callable[[np.ndarray], np.ndarray]
 """Takes points (n, 3) to others."""
-Turned = tuple[np.ndarray, tuple[int, int, int] | None]
-"""A shape (SHAPE,), and which of the old axes its x, y and z are; None where they stay."""
 
 
 Box = tuple[np.ndarray, np.ndarray]
 """Lowest and highest corner, each (3,) float64."""
-
-Values = Mapping[str, float | tuple[float | None, ...]]
-"""Parameters by name and the values that they must have; None in a tuple is any value."""
 
 
 @dataclass(frozen=True)
@@ -47,18 +39,13 @@ class Symmetries:
 
 
 @dataclass(frozen=True)
-class Family:
+class Family(ParameterTable):
     """A kind of primitive: all that the rest of the package knows of it. Points are in the primitive's local frame.
 
     Functions of a table are Warp functions, functions of a shape (SHAPE,) are Python. What has no default must be
     written; tests/kernels/primitives/test_family_contract.py checks every promise that is made here.
     """
 
-    name: str
-    description: str
-    parameters: tuple[Parameter, ...]
-    """At most SHAPE numbers in all. Those of unit "length", and they alone, scale with the frame. `size`, where there
-    is one, comes first: three full extents along the axes, which editors stretch."""
     table: Any
     """`wp.struct` with everything the field needs that does not depend on the point."""
     derive: Any
@@ -94,64 +81,17 @@ class Family:
     """shape -> another that is easier to mesh, and the map of its surface's points (n, 3) to this one's; or None."""
     mesh: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """shape -> vertices and faces of its surface, where that is known in closed form."""
-    starts: Callable[[Family, SweptSolids], tuple[np.ndarray, np.ndarray]] = shapes_by_name
+    starts: Callable[[ParameterTable, SweptSolids], tuple[np.ndarray, np.ndarray]] = shapes_by_name
     """(family, solids) -> shapes (g, SHAPE) that are nearest to them, and whether (g,) they are near."""
     symmetries: Symmetries = Symmetries()
     rules: tuple[Rule, ...] = ()
     """What may be made canonical, the most harmless first."""
-    without_extent: Callable[[Family, np.ndarray], Turned] | None = None
+    without_extent: Callable[[ParameterTable, np.ndarray], Turned] | None = None
     """(family, shape) -> the shape whose thin extents are none, and the columns of its axes."""
-    flat_ended: Callable[[Family, np.ndarray], np.ndarray] | None = None
+    flat_ended: Callable[[ParameterTable, np.ndarray], np.ndarray] | None = None
     """(family, shape) -> the shape with flat ends in place of round ones, the same where it has none."""
     index: int = field(default=-1)
     """Place in the registry: the package's own in alphabetical order, then the others."""
-
-    @property
-    def parameter_count(self) -> int:
-        """Numbers in a row's shape that this family uses, at most SHAPE."""
-        return sum(parameter.count for parameter in self.parameters)
-
-    def columns(self, name: str) -> slice:
-        """Where the parameter `name` lies in the shape part of a row."""
-        begin = 0
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return slice(begin, begin + parameter.count)
-            begin += parameter.count
-        raise KeyError(name)
-
-    @property
-    def lengths(self) -> list[int]:
-        """Columns of the shape that scale with the frame."""
-        of_unit = (self.columns(entry.name) for entry in self.parameters if entry.unit == "length")
-        return [column for columns in of_unit for column in range(columns.start, columns.stop)]
-
-    @property
-    def sides(self) -> list[int]:
-        """Columns of the shape that tell how large it is: those of `size`, else all lengths."""
-        columns = self.columns("size") if self.has("size") else None
-        return self.lengths if columns is None else list(range(columns.start, columns.stop))
-
-    def has(self, *names: str) -> bool:
-        """Whether it has parameters of these names."""
-        return all(any(parameter.name == name for parameter in self.parameters) for name in names)
-
-    def value(self, shape: np.ndarray, name: str, otherwise: float) -> float:
-        """The first number of a parameter of a shape (SHAPE,); `otherwise` where there is none of that name."""
-        return float(shape[self.columns(name).start]) if self.has(name) else otherwise
-
-    def with_values(self, shape: np.ndarray, values: Values | None) -> np.ndarray:
-        """The shape (SHAPE,) with parameters set."""
-        changed = shape.copy()
-        for column, value in self._wanted(values or {}):
-            changed[column] = value
-        return changed
-
-    def holds(self, values: Values | None, shape: np.ndarray, near: float = 0.0) -> bool:
-        """Whether the parameters of a shape (SHAPE,) have these values, but for `near`; never for None."""
-        if values is None:
-            return False
-        return all(abs(float(shape[column]) - value) <= near for column, value in self._wanted(values))
 
     def revolves(self, shape: np.ndarray, near: float = 0.0) -> bool:
         """Whether the shape (SHAPE,) is a body of revolution about z, but for `near`."""
@@ -167,47 +107,3 @@ class Family:
             return shapes[:, self.columns("size")]
         boxes = [self.bounds(shape) for shape in shapes]
         return np.array([high - low for low, high in boxes], np.float32).reshape(-1, 3)
-
-    def _wanted(self, values: Values) -> Iterator[tuple[int, float]]:
-        """Columns and the values in them."""
-        for name, value in values.items():
-            first = self.columns(name).start
-            for k, number in enumerate(value if isinstance(value, tuple) else (value,)):
-                if number is not None:
-                    yield first + k, number
-
-    def shape_row(self, **values: Any) -> np.ndarray:
-        """Shape part (SHAPE,) float32 of a row with the given parameters, defaults elsewhere."""
-        row = np.zeros(SHAPE, np.float32)
-        for parameter in self.parameters:
-            row[self.columns(parameter.name)] = values.pop(parameter.name, parameter.default)
-        if values:
-            raise KeyError(f"{self.name} has no parameter {', '.join(values)}")
-        return row
-
-    def _ranges(self, which: str) -> tuple[np.ndarray, np.ndarray]:
-        low, high = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
-        for parameter in self.parameters:
-            low[self.columns(parameter.name)], high[self.columns(parameter.name)] = getattr(parameter, which)
-        return low, high
-
-    @property
-    def legal_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest legal shape, each (SHAPE,); 0 in unused columns."""
-        return self._ranges("legal")
-
-    @property
-    def fit_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest fitted shape, each (SHAPE,); 0 in unused columns."""
-        return self._ranges("fit")
-
-    def to_valid(self, raw: np.ndarray) -> np.ndarray:
-        """Shapes (..., SHAPE) from unbounded raw numbers: low + (high - low) * logistic(raw)."""
-        low, high = self.fit_range
-        return low + (high - low) / (1.0 + np.exp(-raw))
-
-    def to_raw(self, shape: np.ndarray) -> np.ndarray:
-        """Inverse of `to_valid`; shares of the range are kept in [1e-4, 1 - 1e-4], where the slope is not dead."""
-        low, high = self.fit_range
-        share = np.clip((shape - low) / np.where(high > low, high - low, 1.0), 1e-4, 1.0 - 1e-4)
-        return np.where(high > low, np.log(share / (1.0 - share)), 0.0)

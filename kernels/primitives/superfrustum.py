@@ -18,15 +18,23 @@ import warp as wp
 
 from ..rows import SHAPES_C, Derivatives
 from ..vector_math import HALF_PI, larger, smaller
-from .canonical_rules import PROFILE, SHARP, SOLID, SQUARE, Change, Rule
+from .canonical_rules import PRISM, PROFILE, SHARP, SOLID, SQUARE, Change, Rule
 from .dilated import flat_ended, without_extent
 from .family import Box, Family, PointMap, Symmetries
-from .parameters import Parameter, dilation_parameter, onion_parameter, roundness_parameter, size_parameter
+from .parameters import (
+    Parameter,
+    ParameterTable,
+    dilation_parameter,
+    onion_parameter,
+    roundness_parameter,
+    size_parameter,
+)
 from .stages.bend import (
     ARCTAN_GLSL,
     Bend,
     behind_centre,
     bend_points,
+    bent_box,
     derive_bend,
     straighten,
     straighten_grad,
@@ -281,7 +289,6 @@ BENT_STEP = 0.8
 """Share of a bent field's value that is stepped: it is steeper than 1.25 at fewer than one point in 500."""
 NEAR_BULGE = 0.06
 """A quarter of a turn is 1: an arc of 5 degrees is nearly straight."""
-NEAR_TAPER = 0.1
 
 
 def superfrustum_bounds(shape: np.ndarray) -> Box:
@@ -289,16 +296,7 @@ def superfrustum_bounds(shape: np.ndarray) -> Box:
     half = 0.5 * np.maximum(np.asarray(shape[:3], np.float64), 1e-6)
     dilation, theta = float(shape[4]), 0.5 * math.pi * float(shape[BULGE])
     half[:2] += max(float(shape[TAPER]) - 1.0, 0.0) * half[:2].min()
-    low, high = -half, half.copy()
-    if theta != 0.0:
-        # The axis is an arc through (0, +-h) with its apex at x = -h tan(theta / 2); the profile stands across it.
-        bend, x, h = abs(theta), half[0], half[2]
-        low[0] = -h * math.tan(0.5 * bend) - x
-        high[0] = x * max(math.cos(bend), 0.0)
-        high[2] = h + x * math.sin(bend)
-        low[2] = -high[2]
-        if theta < 0.0:
-            low[0], high[0] = -high[0], -low[0]
+    low, high = bent_box(half, theta)
     return low - dilation, high + dilation
 
 
@@ -327,7 +325,7 @@ def straightened_shape(shape: np.ndarray) -> tuple[np.ndarray, PointMap] | None:
     return straight, partial(bend_points, half_height=half_height, theta=theta)
 
 
-def _straight(family: Family, shape: np.ndarray) -> Change | None:
+def _straight(family: ParameterTable, shape: np.ndarray) -> Change | None:
     bulge = float(shape[BULGE])
     if bulge == 0.0 or abs(bulge) > NEAR_BULGE:
         return None
@@ -337,21 +335,7 @@ def _straight(family: Family, shape: np.ndarray) -> Change | None:
     return Change(0.0, family.with_values(shape, {"bulge": 0.0}), abs(bulge), shift)
 
 
-def _prism(family: Family, shape: np.ndarray) -> Change | None:
-    taper = float(shape[TAPER])
-    if taper == 1.0 or abs(taper - 1.0) > NEAR_TAPER:
-        return None
-    changed = family.with_values(shape, {"taper": 1.0})
-    # The mean of bottom and top: they differ by twice the change of the inset.
-    narrow = 0.5 * (1.0 - taper) * float(shape[:2].min())
-    changed[:2] = np.maximum(shape[:2] - narrow, 1e-4)
-    # What dilation makes thick tapers less than its profile does.
-    width = float(shape[:2].max())
-    return Change(1.0, changed, abs(taper - 1.0) * width / (width + 2.0 * float(shape[4])))
-
-
 STRAIGHT = Rule("bulge", 0.01, _straight)
-PRISM = Rule("taper", 0.015, _prism)
 
 FAMILY = Family(
     name="superfrustum",

@@ -17,7 +17,7 @@ from ..rows import SHAPES_C, Derivatives
 from ..vector_math import sign
 from .canonical_rules import SQUARE
 from .family import Box, Family, Symmetries
-from .parameters import Parameter, size_parameter
+from .parameters import Parameter, ParameterTable, size_parameter
 from .swept_solids import SweptSolids, shapes_by_name
 
 
@@ -145,7 +145,7 @@ def superquadric_step(shape: np.ndarray) -> float:
     return min(1.0, FLATNESS_FACTOR * float(size.min() / size.max()))
 
 
-def superquadric_starts(family: Family, solids: SweptSolids) -> tuple[np.ndarray, np.ndarray]:
+def superquadric_starts(family: ParameterTable, solids: SweptSolids) -> tuple[np.ndarray, np.ndarray]:
     """Exponents make boxes, cylinders and ellipsoids of one size."""
     ends = np.where(solids.dilation > 0.0, 1.0, 0.2)
     exponents = np.stack([ends, 0.2 + 0.8 * solids.roundness], axis=1)

@@ -7,14 +7,11 @@ along z.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..rows import SHAPE
-
-if TYPE_CHECKING:
-    from .family import Family
+from .parameters import ParameterTable
 
 NEUTRAL = {"dilation": 0.0, "taper": 1.0, "bulge": 0.0}
 """Values at which a solid has nothing of what the term says."""
@@ -48,7 +45,7 @@ def box_solids(size: np.ndarray, roundness: float = 0.0) -> SweptSolids:
 
 
 def shapes_by_name(
-    family: Family, solids: SweptSolids, given: dict[str, np.ndarray] | None = None
+    family: ParameterTable, solids: SweptSolids, given: dict[str, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shapes whose parameters are the solids' terms of the same names, and where nothing is lost by that.
 

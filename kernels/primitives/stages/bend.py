@@ -253,6 +253,21 @@ def straighten_other_grad(b: Bend, x: float, z: float):
     )
 
 
+def bent_box(half: np.ndarray, theta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner (3,) of a box of half extents (3,) that is bent, a little too large."""
+    low, high = -half, half.copy()
+    if theta != 0.0:
+        # The axis is an arc through (0, +-h) with its apex at x = -h tan(theta / 2); the profile stands across it.
+        bend, x, h = abs(theta), half[0], half[2]
+        low[0] = -h * math.tan(0.5 * bend) - x
+        high[0] = x * max(math.cos(bend), 0.0)
+        high[2] = h + x * math.sin(bend)
+        low[2] = -high[2]
+        if theta < 0.0:
+            low[0], high[0] = -high[0], -low[0]
+    return low, high
+
+
 def bend_points(points: np.ndarray, half_height: float, theta: float) -> np.ndarray:
     """Bend straight points (n, 3): the inverse of `straighten`.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,10 +16,13 @@ from resfit.kernels.field.jacobian import jacobian
 from resfit.kernels.field.points import point_blocks
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES, Family
-from resfit.kernels.primitives.family import Values
+from resfit.kernels.primitives.parameters import Values
 from resfit.kernels.primitives.swept_solids import box_solids
 from resfit.kernels.rows import SHAPE, SHAPES, empty_rows
 from resfit.kernels.runtime.launch import choose_device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 SHAPES_TRIED = 24
 POINTS = 2000
@@ -164,7 +168,7 @@ def test_a_slope_and_a_step_hold_but_for_few_points(entry: Family, rng: np.rando
         directions = rng.normal(size=points.shape)
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         length = max(entry.step(shape), 0.08) * np.maximum(found, 0.0)
-        entered = np.zeros(len(points), bool)
+        entered, there = np.zeros(len(points), bool), found
         for share in np.linspace(0.1, 0.999, 10):
             at = (points + directions * (share * length)[:, None]).astype(np.float32)
             there = values(entry, shape, at)
@@ -330,3 +334,26 @@ def test_a_mesh_in_closed_form_lies_on_the_surface(entry: Family, rng: np.random
         vertices, faces = entry.mesh(shape)
         assert faces.max() < len(vertices)
         assert np.quantile(np.abs(values(entry, shape, vertices.astype(np.float32))), 0.95) < 1e-3
+
+
+@pytest.mark.browser
+@every_family
+def test_a_page_computes_the_same(entry: Family, browser: Browser, rng: np.random.Generator) -> None:
+    """Its box, and a step no longer than that of the field. That GLSL is Warp: test_glsl.py."""
+    page = browser.new_page()
+    for shape in random_shapes(entry, rng, 8):
+        row = empty_rows(1)[0]
+        row[SHAPES : SHAPES + SHAPE] = shape
+        parameters = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in Primitive.from_row(entry.name, "part", row).parameters.items()
+        }
+        found = page.evaluate(f"p => {{ const g = {entry.javascript}; return g.bounds(p); }}", parameters)
+        np.testing.assert_allclose(found, entry.bounds(shape), atol=1e-5)
+        text = f"p => {{ const g = {entry.javascript}; return g.stepping ? g.stepping(p) : {{}}; }}"
+        stepping = page.evaluate(text, parameters)
+        assert set(stepping) <= {"arc", "centre", "sign", "factor", "slack"}
+        assert 0.0 < stepping.get("slack", 0.7) <= 1.0
+        if entry.approximate:
+            assert stepping["factor"] <= max(entry.step(shape), 0.08) + 1e-6
+    page.close()
