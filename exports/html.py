@@ -103,7 +103,7 @@ def page_text(
         "TITLE": html.escape(title),
         "STYLE": source("style.css"),
         "DATA": embedded(data),
-        "SCRIPT": "\n".join(source(name) for name in SCRIPTS),
+        "SCRIPT": script_text(names),
     }
     # All at once, so that nothing that was put in is looked at again.
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], source("page.html"))
@@ -112,6 +112,13 @@ def page_text(
 def source(name: str) -> str:
     """A file of `page/`, which lies in this package."""
     return files("resfit.exports").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def script_text(names: list[str]) -> str:
+    """The page's script: the model, what the families say of their boxes and steps, and all the rest."""
+    geometry = ",\n".join(f"{name}: {FAMILIES[name].javascript.strip()}" for name in names)
+    model, *rest = (source(name) for name in SCRIPTS)
+    return "\n".join([model, f"const GEOMETRY = {{\n{geometry}\n}};", *rest])
 
 
 def embedded(data: Any) -> str:

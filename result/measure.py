@@ -26,6 +26,7 @@ from ..fitter.outcome import Outcome
 from ..kernels.field.combine import FAR, fold
 from ..kernels.field.points import point_blocks
 from ..kernels.primitives import family
+from ..kernels.primitives.swept_solids import box_solids
 from ..kernels.rows import BLEND, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
 from ..kernels.runtime import launch
 from ..shape.target import Target
@@ -112,8 +113,8 @@ def _box_rows(target: Target, primitive: str) -> np.ndarray:
     """One row (1, ROW): a primitive as large as the target's bounding box, in the middle of it."""
     row = empty_rows(1)
     row[0, TRANSLATION : TRANSLATION + 3] = 0.5 * (target.lower + target.upper)
-    size = np.maximum(target.upper - target.lower, 1e-3)
-    row[0, SHAPES : SHAPES + SHAPE] = family(primitive).shape_row(size=size)
+    size, entry = np.maximum(target.upper - target.lower, 1e-3), family(primitive)
+    row[0, SHAPES : SHAPES + SHAPE] = entry.starts(entry, box_solids(size[None]))[0][0]
     return row
 
 

@@ -16,6 +16,7 @@ from typing import Any
 from resfit.errors import InputError
 
 from ...decomposition.proposals import PROPOSALS
+from ...kernels.primitives import DEFAULT_FAMILY, FAMILIES
 from ..batch.compare import Comparison, run_comparison
 from ..batch.datasets import Shape
 from .ablation_sentences import (
@@ -64,14 +65,15 @@ def ours(**changes: Any) -> str:
 
     Fields at their defaults are left out, so that equal fits have one name and are done once.
     """
-    usual = {"primitive": "superfrustum", "union": "smooth", "decompose": "msd", "optimizer": "levenberg"}
+    usual = {"primitive": DEFAULT_FAMILY, "union": "smooth", "decompose": "msd", "optimizer": "levenberg"}
     pairs = [
         f"{name.replace('__', '.')}={value}" for name, value in changes.items() if usual.get(name) != value
     ]
     return ":".join(["ours", ",".join(pairs)]) if pairs else "ours"
 
 
-FAMILIES = ("cuboid", "superquadric", "superprimitive", "superfrustum")
+BY_NUMBERS = sorted(FAMILIES, key=lambda name: FAMILIES[name].parameter_count)
+"""The families, those of few parameters first."""
 
 PRIMITIVE = Study(
     "primitive",
@@ -79,7 +81,7 @@ PRIMITIVE = Study(
     tuple(
         Variant(f"{family}, {union}", whole(primitive=family, union=union))
         for union in ("smooth", "hard")
-        for family in FAMILIES
+        for family in BY_NUMBERS
     ),
     primitive_sentences,
 )

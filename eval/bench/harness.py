@@ -66,12 +66,11 @@ def scene_rows(family: str, count: int = PRIMITIVES, seed: int = 0) -> np.ndarra
     entry = FAMILIES[family]
     low, high = entry.legal_range
     shapes = rng.uniform(low, np.minimum(high, 2.0), (count, len(low)))
-    shapes[:, :3] = rng.uniform(0.1, 0.6, (count, 3))
     for parameter in entry.parameters:
-        if parameter.name == "dilation":
-            shapes[:, entry.columns("dilation")] = rng.uniform(0, 0.05, (count, 1))
-        if parameter.name == "exponents":
-            shapes[:, entry.columns("exponents")] = rng.uniform(0.3, 1.7, (count, 2))
+        if parameter.typical is not None:
+            shapes[:, entry.columns(parameter.name)] = rng.uniform(
+                *parameter.typical, (count, parameter.count)
+            )
     rows[:, SHAPES:BLEND] = shapes
     return rows
 

@@ -24,7 +24,7 @@ from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.grid.distance_grid import signed_distance_transform
 from ...kernels.mesh.mesh_grid import signed_distance_grid
 from ...kernels.mesh.mesh_query import MeshQuery
-from ...kernels.primitives import FAMILIES
+from ...kernels.primitives import DEFAULT_FAMILY, FAMILIES
 from ...kernels.refine.normal_equations import SYSTEM, normal_equations_at
 from ...kernels.refine.point_batches import point_batches
 from ...kernels.runtime import launch as launching
@@ -41,11 +41,11 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
     scene = f"{PRIMITIVES} primitives x {POINTS} points"
     values = wp.empty(PRIMITIVES * POINTS, dtype=float, device=device)
     ones = wp.ones(PRIMITIVES * POINTS, dtype=float, device=device)
-    for name in sorted(FAMILIES, key=lambda name: name != "superfrustum"):
+    for name in sorted(FAMILIES, key=lambda name: name != DEFAULT_FAMILY):
         primitives = PrimitiveSet(scene_rows(name), [name] * PRIMITIVES, device, requires_grad=True)
         tape = wp.Tape()
         _, asked = differentiable_assembly(primitives, points, tape)
-        bounds = (3.0, 10.0) if name == "superfrustum" else (0.0, 0.0)
+        bounds = (3.0, 10.0) if name == DEFAULT_FAMILY else (0.0, 0.0)
         kind = "approximate distance" if FAMILIES[name].approximate else "distance"
 
         def forward(primitives: PrimitiveSet = primitives) -> None:
@@ -66,8 +66,8 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
 
 def union_workloads(device: wp.Device) -> Iterator[Workload]:
     """The smooth union of 24 SuperFrusta in its forms; an evaluation is a point."""
-    families = ["superfrustum"] * PRIMITIVES
-    primitives = PrimitiveSet(scene_rows("superfrustum"), families, device, requires_grad=True)
+    families = [DEFAULT_FAMILY] * PRIMITIVES
+    primitives = PrimitiveSet(scene_rows(DEFAULT_FAMILY), families, device, requires_grad=True)
     points = scene_points(POINTS, device, "random")
     lists = every_primitive(primitives, points)
     field = wp.empty(POINTS, dtype=float, device=device)
@@ -112,7 +112,7 @@ def normal_equations_workload(device: wp.Device) -> Workload:
     rng = np.random.default_rng(2)
     count, primitive_count = 24_000, 20
     primitives = PrimitiveSet(
-        scene_rows("superfrustum", primitive_count), ["superfrustum"] * primitive_count, device
+        scene_rows(DEFAULT_FAMILY, primitive_count), [DEFAULT_FAMILY] * primitive_count, device
     )
     owned = point_batches(
         rng.uniform(-1, 1, (count, 3)),
@@ -217,7 +217,7 @@ def run_kernels(device: str = "auto", as_json: bool = False, markdown: Path | No
             )
     published = measure_steps(chosen, on_row=None if as_json else say_row)
     peak = measure_peak(
-        chosen, next(row.ns_per_evaluation for row in rows if row.name == "superfrustum_forward")
+        chosen, next(row.ns_per_evaluation for row in rows if row.name == f"{DEFAULT_FAMILY}_forward")
     )
     growth, shares = measure_scaling(chosen), measure_shares(chosen)
     page = markdown_table(rows, machine) + shares_table(shares) + scaling_table(growth, peak)

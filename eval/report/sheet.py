@@ -23,6 +23,7 @@ from ...kernels.render.camera import Camera, frame_bounds
 from ...kernels.render.mesh_scene import MeshScene
 from ...kernels.render.raytrace import CLAY, render, render_assembly, render_mesh
 from ...kernels.render.shading import to_linear
+from ...kernels.rows import BLEND, SHAPES
 from ...kernels.runtime.launch import choose_device
 from ...shape.load import load_mesh
 from ..batch.datasets import Shape
@@ -37,8 +38,6 @@ CAPTION, HEADING = 20, 26
 SAMPLES = 2
 PART_CELLS = 32
 """Cells along a part's longest side, where parts are meshed to be shown: an edge is as long as a few pixels."""
-RING = (24, 48)
-"""Rings of a superquadric's mesh and points of a ring."""
 MAX_SHAPES = 24
 """More would make a picture that nobody can look at; of more, as many are taken evenly."""
 Z_UP = (".stl", ".3mf", ".off")
@@ -134,44 +133,13 @@ def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.nd
 
 def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
     """The surface of a part of an assembly, in the normalised frame."""
-    if part.family == "superquadric":
-        vertices, faces = superquadric_mesh(
-            *(np.ravel(part.parameters[name]) for name in ("size", "exponents"))
-        )
+    entry = family(part.family)
+    if entry.mesh is not None:
+        vertices, faces = entry.mesh(part.row()[SHAPES:BLEND])
     else:
         vertices, faces = part_surface(part, PART_CELLS, "cpu")
     placed = vertices @ part.pose.matrix().T + np.asarray(part.pose.translation)
     return PartMesh(frame.to_normalised(assembly.transform.to_mesh(placed)), np.asarray(faces))
-
-
-def superquadric_mesh(size: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) and faces (f, 3) of a superquadric from its two angles, in its local frame.
-
-    Args:
-        size: full extents (3,).
-        exponents: along z and across it (2,).
-    """
-    rings, around = RING
-
-    def power(values: np.ndarray, exponent: float) -> np.ndarray:
-        return np.sign(values) * np.abs(values) ** max(exponent, 0.05)
-
-    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings + 1)[1:-1, None]
-    longitude = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)[None]
-    across = power(np.cos(latitude), exponents[0])
-    x = across * power(np.cos(longitude), exponents[1])
-    y = across * power(np.sin(longitude), exponents[1])
-    z = np.broadcast_to(power(np.sin(latitude), exponents[0]), x.shape)
-    poles = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    vertices = np.concatenate([np.stack([x, y, z], axis=2).reshape(-1, 3), poles]) * (0.5 * size)
-    ring, point = np.meshgrid(np.arange(rings - 2), np.arange(around), indexing="ij")
-    a, b = ring * around + point, ring * around + (point + 1) % around
-    sides = np.stack([a, b, b + around, a, b + around, a + around], axis=2).reshape(-1, 3)
-    here = np.arange(around)
-    there, top, count = (here + 1) % around, (rings - 2) * around, (rings - 1) * around
-    bottoms = np.stack([np.full(around, count), there, here], axis=1)
-    tops = np.stack([np.full(around, count + 1), top + here, top + there], axis=1)
-    return vertices, np.concatenate([sides, bottoms, tops])
 
 
 def part_colors(count: int) -> np.ndarray:

@@ -9,31 +9,8 @@ function rotate(q, v) {
   return [v[0] + 2 * (y * a[2] - z * a[1]), v[1] + 2 * (z * a[0] - x * a[2]), v[2] + 2 * (x * a[1] - y * a[0])];
 }
 
-function parameter(part, name, otherwise) {
-  return name in part.parameters ? part.parameters[name] : otherwise;
-}
-
-// Box around a part in its own frame, as kernels/field/bounds.py has it.
-function localBounds(part) {
-  const size = part.parameters.size.map(value => Math.max(value, 1e-6));
-  const dilation = parameter(part, 'dilation', 0), taper = parameter(part, 'taper', 1);
-  const theta = 0.5 * Math.PI * parameter(part, 'bulge', 0);
-  const grow = Math.max(taper - 1, 0) * 0.5 * Math.min(size[0], size[1]);
-  const half = [0.5 * size[0] + grow, 0.5 * size[1] + grow, 0.5 * size[2]];
-  const low = half.map(value => -value), high = half.slice();
-  if (theta !== 0) {
-    const bend = Math.abs(theta), x = half[0], h = half[2];
-    low[0] = -h * Math.tan(0.5 * bend) - x;
-    high[0] = x * Math.max(Math.cos(bend), 0);
-    high[2] = h + x * Math.sin(bend);
-    low[2] = -high[2];
-    if (theta < 0) [low[0], high[0]] = [-high[0], -low[0]];
-  }
-  return [low.map(value => value - dilation), high.map(value => value + dilation)];
-}
-
 function sphere(part) {
-  const [low, high] = localBounds(part);
+  const [low, high] = GEOMETRY[part.family].bounds(part.parameters);
   const middle = rotate(part.rotation, low.map((value, axis) => 0.5 * (value + high[axis])));
   return {
     centre: middle.map((value, axis) => value + part.translation[axis]),
@@ -41,24 +18,12 @@ function sphere(part) {
   };
 }
 
-// Distances to the arc's centre tell how steep a bent field is; flat superquadrics overestimate theirs.
+// How far a ray may step: `factor` of the field's value, and by the distance to the line around which the field is bent
+// along an arc (see trace.glsl). A field may be less than the distance by `slack`: by 1 / sqrt(2) beside mitred corners,
+// and more so beside a bend.
 function stepping(part) {
-  const theta = 0.5 * Math.PI * parameter(part, 'bulge', 0);
-  const h = 0.5 * Math.max(part.parameters.size[2], 1e-6);
-  const bent = Math.abs(theta) > 1e-4;
-  let factor = 1;
-  if (FAMILIES[part.family].approximate) {
-    const size = part.parameters.size.map(value => Math.max(value, 1e-4));
-    factor = Math.min(1, Math.max(0.08, 4 * Math.min(...size) / Math.max(...size)));
-  }
-  return {
-    arc: bent ? h / Math.abs(theta) : 0,
-    centre: bent ? h / Math.tan(theta) : 0,
-    sign: Math.sign(theta),
-    factor,
-    // A field may be less than the distance: by 1 / sqrt(2) beside mitred corners, and more so beside a bend.
-    slack: 0.7 - 0.2 * Math.min(1, 2 * Math.abs(theta)),
-  };
+  const {stepping} = GEOMETRY[part.family];
+  return {arc: 0, centre: 0, sign: 0, factor: 1, slack: 0.7, ...stepping ? stepping(part.parameters) : {}};
 }
 
 // How far from its sphere each part can still be felt where the union is zero.

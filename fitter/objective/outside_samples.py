@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from ...kernels.field.bounds import local_bounds
 from ...kernels.field.points import point_blocks
 from ...kernels.primitives import family
 from ...kernels.rows import ROTATION, SHAPE, SHAPES
@@ -80,8 +79,7 @@ def _draw(
 ) -> tuple[np.ndarray, np.ndarray]:
     """DRAWS points in the box of each primitive, (primitive_count * DRAWS, 3) float32, and the boxes' volumes."""
     bounds = [
-        local_bounds(family(name), row[SHAPES : SHAPES + SHAPE])
-        for name, row in zip(families, rows, strict=True)
+        family(name).bounds(row[SHAPES : SHAPES + SHAPE]) for name, row in zip(families, rows, strict=True)
     ]
     low, high = (np.stack([pair[side] for pair in bounds]) for side in range(2))
     local = low[:, None] + (high - low)[:, None] * rng.uniform(size=(len(rows), DRAWS, 3))

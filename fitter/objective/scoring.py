@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from ...kernels.field.bounds import extents
 from ...kernels.field.combine import fold
 from ...kernels.field.evaluate import primitives_at
 from ...kernels.field.points import PointBlocks
 from ...kernels.field.primitive_set import PrimitiveSet
-from ...kernels.rows import BLEND, SHAPES
+from ...kernels.rows import BLEND
 from ...kernels.select.blend_search import BlendTrials
 from ...kernels.select.objective_sums import Sums, objective
 from .objective import Score, Tally
@@ -82,12 +83,12 @@ def choose_blends(values: np.ndarray, rows: np.ndarray, tally: Tally, device: wp
     return rows
 
 
-def rough_volume(rows: np.ndarray) -> np.ndarray:
+def rough_volume(rows: np.ndarray, families: Sequence[str]) -> np.ndarray:
     """Volumes of the primitives' boxes, to order them by."""
-    return rows[:, SHAPES : SHAPES + 3].prod(1)
+    return extents(rows, families).prod(1)
 
 
-def sorted_by_volume(pool: np.ndarray, chosen: list[int]) -> np.ndarray:
+def sorted_by_volume(pool: np.ndarray, families: Sequence[str], chosen: list[int]) -> np.ndarray:
     """The chosen indices, biggest primitive first: the order that the union folds in."""
     index = np.array(chosen)
-    return index[np.argsort(-rough_volume(pool[index]), kind="stable")]
+    return index[np.argsort(-rough_volume(pool[index], [families[place] for place in chosen]), kind="stable")]

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ...decomposition.region import Region
 from ...kernels.primitives import family as primitive_family
+from ...kernels.primitives.swept_solids import box_solids
 from ...kernels.refine.point_batches import shared_points
 from ...kernels.rows import ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from ..presets import ProposeConfig
@@ -115,7 +116,6 @@ def _seed(region: Region, name: str) -> np.ndarray:
     row[TRANSLATION : TRANSLATION + 3] = centre + axes @ ((low + high) / 2)
     row[ROTATION : ROTATION + 4] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
     entry = primitive_family(name)
-    row[SHAPES : SHAPES + SHAPE] = entry.shape_row(size=np.maximum(extent[order], 0.02))
-    if any(parameter.name == "roundness" for parameter in entry.parameters):
-        row[SHAPES + entry.columns("roundness").start] = 0.5
+    solid = box_solids(np.maximum(extent[order], 0.02)[None], roundness=0.5)
+    row[SHAPES : SHAPES + SHAPE] = entry.starts(entry, solid)[0][0]
     return row

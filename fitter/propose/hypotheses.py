@@ -1,4 +1,4 @@
-"""What regions could be: primitives in the terms of the SuperFrustum, guessed from how the regions lie.
+"""What regions could be: rounded profiles that are swept, guessed from how the regions lie.
 
 Conventions: the local z axis is swept along; a positive bulge arcs towards -x, its chord, of length size z, along z.
 """
@@ -18,6 +18,7 @@ from ...decomposition.oriented_boxes import (
     principal_axes,
     robust_bounds,
 )
+from ...kernels.primitives.swept_solids import SweptSolids
 
 TIGHTER = 1.1
 """World axes are tried, too, unless their box is this many times larger than that of the principal axes."""
@@ -54,6 +55,11 @@ class Hypotheses:
     bulge: np.ndarray
     onion: np.ndarray
     """(g,) each, as the SuperFrustum's parameters."""
+
+    @property
+    def solids(self) -> SweptSolids:
+        """What each guess looks like in its frame."""
+        return SweptSolids(self.size, self.roundness, self.dilation, self.taper, self.bulge, self.onion)
 
     def take(self, chosen: np.ndarray) -> Hypotheses:
         """The guesses that an index or mask array picks."""

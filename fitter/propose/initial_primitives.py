@@ -1,6 +1,6 @@
 """Starting primitives for regions: rows of many hypotheses of what each is, of which fitting keeps the best.
 
-The rows of families other than the SuperFrustum are the hypotheses that their parameters can express.
+The rows of a family are the hypotheses that its parameters can express.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...decomposition.region import Region, spread_indices
-from ...kernels.primitives import Family
+from ...kernels.primitives import DEFAULT_FAMILY
 from ...kernels.primitives import family as find_family
-from ...kernels.rows import ROTATION, ROW, SHAPES, TRANSLATION, empty_rows
+from ...kernels.rows import ROTATION, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
 from .hypotheses import Hypotheses, guess_shapes
 
 STARTS = 33
@@ -26,7 +26,7 @@ HALF_CELL = 1.0 / 128.0
 
 
 def region_starts(
-    region: Region | np.ndarray, family: str = "superfrustum", count: int = STARTS
+    region: Region | np.ndarray, family: str = DEFAULT_FAMILY, count: int = STARTS
 ) -> tuple[np.ndarray, list[str]]:
     """Starting rows for one region, the likeliest and most different hypotheses first.
 
@@ -43,7 +43,7 @@ def region_starts(
 
 
 def all_starts(
-    regions: Sequence[Region | np.ndarray], family: str = "superfrustum", count: int = STARTS
+    regions: Sequence[Region | np.ndarray], family: str = DEFAULT_FAMILY, count: int = STARTS
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """`region_starts` of many regions: rows (s, ROW), the region (s,) int32 that each is for, and the kinds."""
     entry = find_family(family)
@@ -56,10 +56,12 @@ def all_starts(
     half_cell = np.array([1.0 / cell.resolution if isinstance(cell, Region) else HALF_CELL for cell in cells])
     covariance = np.stack([_covariance(cell) for cell in cells])
     guesses = guess_shapes(points, covariance, half_cell)
-    guesses = guesses.take(_expressible(guesses, entry))
-    guesses = guesses.take(_place_in_group(guesses.region) < count)
+    shapes, near = entry.starts(entry, guesses.solids)
+    guesses, shapes = guesses.take(near), shapes[near]
+    first = _place_in_group(guesses.region) < count
+    guesses, shapes = guesses.take(first), shapes[first]
     owners = np.array(present, np.int32)[guesses.region]
-    return hypothesis_rows(guesses, entry), owners, guesses.kind.tolist()
+    return hypothesis_rows(guesses, shapes), owners, guesses.kind.tolist()
 
 
 def _sample(region: Region | np.ndarray) -> np.ndarray:
@@ -83,42 +85,10 @@ def _place_in_group(owner: np.ndarray) -> np.ndarray:
     return np.arange(len(owner)) - np.searchsorted(owner, owner)
 
 
-def _expressible(guesses: Hypotheses, entry: Family) -> np.ndarray:
-    """Whether (g,) a family has the parameters that make a hypothesis what it is."""
-    names = {parameter.name for parameter in entry.parameters}
-    # Exponents make boxes, cylinders and ellipsoids of one size.
-    smooth = "exponents" in names
-    needed = {
-        "taper": guesses.taper != 1.0,
-        "bulge": guesses.bulge != 0.0,
-        "onion": guesses.onion > 0.0,
-        "dilation": (guesses.dilation > 0.0) & (not smooth),
-        "roundness": (guesses.roundness > 0.5) & (not smooth),
-    }
-    allowed = np.ones(len(guesses.region), bool)
-    for name, used in needed.items():
-        if name not in names:
-            allowed &= ~used
-    return allowed
-
-
-def hypothesis_rows(guesses: Hypotheses, entry: Family) -> np.ndarray:
-    """Rows (g, ROW) float32 of hypotheses, every shape inside the family's fit range."""
+def hypothesis_rows(guesses: Hypotheses, shapes: np.ndarray) -> np.ndarray:
+    """Rows (g, ROW) float32 of hypotheses with their shapes (g, SHAPE)."""
     rows = empty_rows(len(guesses.region))
-    names = {parameter.name for parameter in entry.parameters}
-    values = {name: getattr(guesses, name) for name in names if hasattr(guesses, name)}
-    if "dilation" not in names:
-        values["size"] = guesses.size + 2.0 * guesses.dilation[:, None]
-    if "exponents" in names:
-        ends = np.where(guesses.dilation > 0.0, 1.0, 0.2)
-        values["exponents"] = np.stack([ends, 0.2 + 0.8 * guesses.roundness], axis=1)
-    low, high = entry.fit_range
-    shapes = rows[:, SHAPES : SHAPES + len(low)]
-    for parameter in entry.parameters:
-        columns = entry.columns(parameter.name)
-        value = np.asarray(values.get(parameter.name, np.array(parameter.default)))
-        shapes[:, columns] = value if value.ndim == 2 else value.reshape(-1, 1)
-    shapes[:] = np.clip(shapes, low, high)
+    rows[:, SHAPES : SHAPES + SHAPE] = shapes
     rows[:, TRANSLATION : TRANSLATION + 3] = guesses.centre
     rows[:, ROTATION : ROTATION + 4] = quaternions(guesses.axes)
     return rows.reshape(-1, ROW)

@@ -18,6 +18,7 @@ from ...kernels.field.gradient import evaluate_gradient
 from ...kernels.field.points import PointBlocks, point_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.field.raw_parameters import RAW_DROP, RAW_KEEP
+from ...kernels.primitives import family
 from ...kernels.rows import GATE, ROW
 from ..objective.objective import ObjectiveSamples
 from ..presets import AdamConfig
@@ -56,7 +57,8 @@ def refine_with_adam(
     rng = np.random.default_rng(seed)
     unbounded = Unbounded(rows, families, device)
     moments = Moments(unbounded.raw.shape)
-    axes = SweepAxes(families, device) if config.axis == "learned" else None
+    learned = config.axis == "learned" and all(family(name).has("size") for name in families)
+    axes = SweepAxes(families, device) if learned else None
     axis_moments = Moments((len(rows), 3))
     learned_steps = round(config.axis_share * config.steps)
     pool = samples

@@ -35,7 +35,7 @@ def right_products() -> np.ndarray:
 
 RIGHT = right_products()
 SIZE = slice(SHAPES, SHAPES + 3)
-"""Every family's shape begins with its size."""
+"""Where a family has a size, its shape begins with it."""
 
 
 def turned_copies(rows: np.ndarray) -> np.ndarray:

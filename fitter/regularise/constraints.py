@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...kernels.primitives import family
 from ...kernels.rows import BLEND, ROTATION, TRANSLATION
-from .canonical import is_prism, is_round, is_straight, with_parameter
+from .canonical import is_prism, is_round, is_straight, shape_of, with_shape
 from .rigid_motion import canonical_sign, matrix_of, move_rows, multiply
 
 NEARLY = 0.15
-"""Taper and bulge up to this from straight and prismatic may be given up for symmetry."""
+"""Parameters up to this from the values that a symmetry asks for may be given up for it."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def symmetric_row(row: np.ndarray, name: str, motions: Sequence[tuple[np.ndarray
     """A row (ROW,) made such that motions (turn, shift) take its primitive to itself, as far as its family can.
 
     Centre and orientation become the mean of what the motions make of them. An orientation is compared in whichever
-    of the primitive's own symmetric positions is nearest; one that asks for a straight or prismatic shape gets it.
+    of the primitive's own symmetric positions is nearest; one that asks for other parameters gets them.
     """
     changed = _symmetric(row, name, motions)
     # Once symmetric, rounding shall not move it again and again.
@@ -92,9 +93,10 @@ def _symmetric(row: np.ndarray, name: str, motions: Sequence[tuple[np.ndarray, n
         straight, prism = straight or bends, prism or tapers
     mean = np.mean(quaternions, axis=0)
     changed[ROTATION : ROTATION + 4] = tidy(mean)
+    symmetries, shape = family(name).symmetries, shape_of(changed)
     if straight:
-        changed = with_parameter(changed, name, "bulge", 0.0)
-    return with_parameter(changed, name, "taper", 1.0) if prism else changed
+        shape = family(name).with_values(shape, symmetries.half_turn_z)
+    return with_shape(changed, family(name).with_values(shape, symmetries.half_turn_x) if prism else shape)
 
 
 def tidy(quaternion: np.ndarray) -> np.ndarray:
@@ -118,7 +120,7 @@ def _plainest(row: np.ndarray, name: str) -> np.ndarray:
 
 
 def _own_turns(row: np.ndarray, name: str, near: float = NEARLY) -> list[tuple[np.ndarray, bool, bool]]:
-    """Rotations that take the primitive to itself, and whether each asks for no bend, and for no taper."""
+    """Rotations that take the primitive to itself, and whether each is a turn about z, and over."""
     turns = [(np.array([1.0, 0.0, 0.0, 0.0]), False, False)]
     straight, prism = is_straight(row, name, near), is_prism(row, name, near)
     if straight:

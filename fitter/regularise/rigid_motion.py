@@ -79,9 +79,7 @@ def rescale_rows(
     moved[:, BLEND] *= scale
     shapes = moved[:, SHAPES : SHAPES + SHAPE]
     for row, name in enumerate(families):
-        for parameter in family(name).parameters:
-            if parameter.unit == "length":
-                shapes[row, family(name).columns(parameter.name)] *= scale
+        shapes[row, family(name).lengths] *= scale
     return moved.astype(np.float32)
 
 

@@ -14,12 +14,13 @@ from itertools import product
 import numpy as np
 import warp as wp
 
-from ...kernels.rows import SHAPES
+from ...kernels.primitives import family
+from ...kernels.primitives.canonical_rules import Rule
 from ...shape.target import Target
 from ..config import FitConfig
 from ..objective.cached import CachedObjective
 from ..refine.joint import refine
-from .canonical import canonical_changes, parameter_of, with_parameter
+from .canonical import canonical_changes, shape_of, with_shape
 from .constraints import Constraints, Copied
 from .relations import Relation
 from .snap_axes import snap_axes
@@ -179,35 +180,31 @@ def _canonical(transaction: Transaction) -> None:
         tried: set[str] = set()
         while True:
             name = transaction.families[index]
-            fresh = [
-                entry for entry in canonical_changes(transaction.rows[index], name) if entry[0] not in tried
-            ]
-            if not fresh:
+            changes = canonical_changes(transaction.rows[index], name)
+            fresh = next((change for change in changes if change.rule.name not in tried), None)
+            if fresh is None:
                 break
-            parameter, value, _ = fresh[0]
-            tried.add(parameter)
+            rule, value = fresh.rule, fresh.value
+            tried.add(rule.name)
             parts = tuple(transaction.constraints.followers(index))
-            claim = Claim("canonical", parts, parameter, _canonical_value(index, parameter, value))
-            transaction.attempt(_one_change(index, name, parameter, value), claim)
+            claim = Claim("canonical", parts, rule.name, _canonical_value(index, name, rule, value))
+            transaction.attempt(_one_change(index, name, rule, value), claim)
 
 
-def _canonical_value(index: int, parameter: str, value: float) -> Callable[[np.ndarray], float]:
-    """The value of a parameter, which stays; for a square profile, its side, which may not."""
-    return lambda rows: float(rows[index, SHAPES]) if parameter == "square" else value
+def _canonical_value(index: int, name: str, rule: Rule, value: float) -> Callable[[np.ndarray], float]:
+    """The canonical value, which stays; of a square profile and the like what the rule reads, which may not."""
+    return lambda rows: rule.read(family(name), shape_of(rows[index])) if rule.read else value
 
 
-def _one_change(index: int, name: str, parameter: str, value: float) -> Change:
+def _one_change(index: int, name: str, rule: Rule, value: float) -> Change:
     """Make one parameter of one part canonical, however far a refinement has moved it since."""
 
     def change(rows: np.ndarray) -> np.ndarray:
-        for found, wanted, row in canonical_changes(rows[index], name):
-            if found == parameter and (wanted == value or parameter == "square"):
-                rows[index] = row
+        for found in canonical_changes(rows[index], name):
+            if found.rule is rule and (found.value == value or rule.read):
+                rows[index] = found.row
                 return rows
-        if parameter == "square":
-            rows[index, SHAPES : SHAPES + 2] = rows[index, SHAPES : SHAPES + 2].mean()
-        elif parameter_of(rows[index], name, parameter, value) != value:
-            rows[index] = with_parameter(rows[index], name, parameter, value)
+        rows[index] = with_shape(rows[index], rule.impose(family(name), shape_of(rows[index]), value))
         return rows
 
     return change

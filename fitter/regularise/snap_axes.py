@@ -6,8 +6,9 @@ from itertools import permutations, product
 
 import numpy as np
 
-from ...kernels.rows import ROTATION, SHAPES
-from .canonical import is_box, is_prism, is_round, is_straight
+from ...kernels.primitives import family
+from ...kernels.rows import ROTATION
+from .canonical import is_box, is_prism, is_round, is_straight, shape_of
 from .constraints import tidy, turn_between
 from .rigid_motion import matrix_of, multiply, quaternion_of
 from .transaction import Change, Claim, Transaction
@@ -48,11 +49,11 @@ def _to_mesh(transaction: Transaction, index: int) -> bool:
     """Line a primitive up with the mesh's axes: all of its axes, else its sweep, else another."""
     row, name = transaction.rows[index], transaction.families[index]
     own = row[ROTATION : ROTATION + 4].astype(np.float64)
-    family = tuple(transaction.constraints.followers(index))
+    parts = tuple(transaction.constraints.followers(index))
     nearest = max(ROTATIONS, key=lambda quaternion: abs(float(quaternion @ own)))
     angle = 2.0 * np.arccos(min(1.0, abs(float(nearest @ own))))
     if angle < NEAR:
-        claim = _said("axis", family, "along the mesh's axes")
+        claim = _said("axis", parts, "along the mesh's axes")
         if transaction.attempt(_box_as_it_stands(index, nearest, name), claim):
             return True
     matrix = matrix_of(own)
@@ -69,7 +70,7 @@ def _to_mesh(transaction: Transaction, index: int) -> bool:
                 key=lambda q: (abs(float(q @ own)), tuple(q)),
             )
         value = {"axis": "xyz"[axis], "along": "xyz"[world]}
-        if transaction.attempt(_set_rotation(index, turned), _said("axis", family, value)):
+        if transaction.attempt(_set_rotation(index, turned), _said("axis", parts, value)):
             return True
     return False
 
@@ -83,7 +84,8 @@ def _box_as_it_stands(index: int, quaternion: np.ndarray, name: str) -> Change:
         if is_box(rows[index], name):
             # Once done, the sizes are in order: a second time nothing changes.
             if not np.array_equal(rows[index, ROTATION : ROTATION + 4], ROTATIONS[0].astype(np.float32)):
-                rows[index, SHAPES : SHAPES + 3] = rows[index, SHAPES : SHAPES + 3][order]
+                size = shape_of(rows[index])[family(name).columns("size")]
+                size[:] = size[order]
             turned = ROTATIONS[0]
         rows[index, ROTATION : ROTATION + 4] = turned
         return rows

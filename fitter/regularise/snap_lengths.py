@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...kernels.primitives import family
 from ...kernels.rows import SHAPES, TRANSLATION
 from .transaction import Claim, Transaction
 
@@ -21,22 +22,24 @@ Place = tuple[int, int]
 
 
 def snap_sizes(transaction: Transaction) -> None:
-    """First parts that are alike in all three sizes, then single sizes."""
+    """First parts that are alike in all their sizes, then single sizes."""
     free = transaction.free()
     used: set[int] = set()
     for place, index in enumerate(free):
         if index in used:
             continue
-        sizes = transaction.rows[index, SHAPES : SHAPES + 3]
+        sizes = _sizes(transaction, index)
         alike = [index]
         for other in free[place + 1 :]:
-            theirs = transaction.rows[other, SHAPES : SHAPES + 3]
+            if transaction.families[other] != transaction.families[index]:
+                continue
+            theirs = _sizes(transaction, other)
             near = np.abs(sizes - theirs) <= NEAR_SIZE * np.maximum(sizes, theirs)
             if other not in used and near.all():
                 alike.append(other)
         if len(alike) > 1 and _same_sizes(transaction, alike):
             used.update(alike)
-    places = [(index, SHAPES + axis) for index in free for axis in range(3)]
+    places = [(index, column) for index in free for column in _size_columns(transaction, index)]
     for group in _clusters(transaction.rows, places, relative=NEAR_SIZE, absolute=0.0):
         if len({transaction.rows[place].tobytes() for place in group}) > 1:
             _equal(transaction, group, "size")
@@ -54,17 +57,27 @@ def snap_centres(transaction: Transaction) -> None:
 
 
 def _same_sizes(transaction: Transaction, alike: Sequence[int]) -> bool:
-    """Give several parts the mean of their sizes."""
+    """Give several parts of one family the mean of their sizes."""
+    columns = _size_columns(transaction, alike[0])
 
     def change(rows: np.ndarray) -> np.ndarray:
-        rows[alike, SHAPES : SHAPES + 3] = _mean(rows[alike, SHAPES : SHAPES + 3])
+        rows[np.ix_(alike, columns)] = _mean(rows[np.ix_(alike, columns)])
         return rows
 
     def value(rows: np.ndarray) -> list[float]:
-        return [float(number) for number in rows[alike[0], SHAPES : SHAPES + 3]]
+        return [float(number) for number in rows[alike[0], columns]]
 
     parts = sorted({follower for index in alike for follower in transaction.constraints.followers(index)})
     return transaction.attempt(change, Claim("size", tuple(parts), "all", value))
+
+
+def _size_columns(transaction: Transaction, index: int) -> list[int]:
+    """Columns of a row that tell how large the primitive is."""
+    return [SHAPES + column for column in family(transaction.families[index]).sides]
+
+
+def _sizes(transaction: Transaction, index: int) -> np.ndarray:
+    return transaction.rows[index, _size_columns(transaction, index)]
 
 
 def _equal(transaction: Transaction, group: Sequence[Place], kind: str) -> bool:

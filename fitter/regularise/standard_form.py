@@ -1,7 +1,7 @@
 """The standard form of each primitive: parameters that are canonical but for rounding made exactly so.
 
-A ball, a capsule and a ring are SuperFrusta without extent that dilation makes thick: fitting ends a little beside
-them, where sizes are nearly 0 and taper and bulge mean nothing. Lengths are normalised.
+A ball, a capsule and a ring may be shapes without extent that dilation makes thick: fitting ends a little beside them,
+where sizes are nearly 0 and other parameters mean nothing. Lengths are normalised.
 """
 
 from __future__ import annotations
@@ -20,24 +20,13 @@ from .canonical import (
     is_prism,
     is_round,
     is_straight,
-    parameter_of,
-    with_parameter,
+    shape_of,
+    turns_quarterly,
+    with_shape,
 )
 from .constraints import Constraints, Copied, tidy, turn_between
 from .rigid_motion import canonical_sign, matrix_of, multiply, quaternion_of
 from .snap_axes import ROTATIONS
-
-THIN = 0.08
-"""A size below this share of the dilation may be none."""
-
-SLENDER = 10.0
-"""A capsule longer than this many radii may be a rod with flat ends, which are too small to have been told apart."""
-
-NEARLY_ONE = 0.99
-"""Onion above which a wall is none, where dilation makes it thick."""
-
-NEAR = {"bulge": 0.01, "taper": 0.015, "roundness": 0.03, "dilation": 2e-3, "square": 0.01, "onion": 0.0}
-"""How far from a canonical value a parameter may be to be tried."""
 
 COSTLESS = 2e-5
 """Most that the objective may fall for one part: about the weight of one sample point."""
@@ -125,9 +114,10 @@ class _Forms:
 def _tuned(row: np.ndarray, name: str, objective: Callable[[np.ndarray], float]) -> np.ndarray:
     """The row with its lengths that are not 0, and its place, moved one by one to where the objective is highest."""
     entry, best = family(name), objective(row)
-    shape = SHAPES + np.array([0, 1, 2, entry.columns("dilation").start])
-    # Of a ring both sides of the profile are one diameter.
-    lengths = [shape[:2], shape[2:3], shape[3:]] if row[SHAPES] == row[SHAPES + 1] else list(shape[:, None])
+    lengths = [np.array([SHAPES + column]) for column in entry.lengths]
+    if entry.has("size") and row[SHAPES] == row[SHAPES + 1]:
+        # Of a ring both sides of the profile are one diameter.
+        lengths[:2] = [np.concatenate(lengths[:2])]
     lengths = [columns for columns in lengths if (row[columns] > 0.0).all()]
     place = list(TRANSLATION + np.arange(3)[:, None])
     for step in TUNING:
@@ -145,86 +135,47 @@ def _tuned(row: np.ndarray, name: str, objective: Callable[[np.ndarray], float])
 
 def _without_extent(row: np.ndarray, name: str) -> np.ndarray:
     """A row whose thin sizes, and a thin wall, are none: dilation takes their place."""
-    dilation = parameter_of(row, name, "dilation", 0.0)
-    if dilation <= 0.0:
+    entry = family(name)
+    if entry.without_extent is None:
         return row
-    changed = row.copy()
-    sizes = row[SHAPES : SHAPES + 3].astype(np.float64)
-    thin = sizes < THIN * dilation
-    onion = parameter_of(row, name, "onion", -1.0)
-    if onion > NEARLY_ONE and not thin[:2].any():
-        # A ring: half the wall's thickness goes inwards, half outwards.
-        wall = 0.5 * min(sizes[0], sizes[1]) * (1.0 - onion)
-        grown = 0.25 * (wall + sizes[2]) if thin[2] else 0.5 * wall
-        changed[SHAPES : SHAPES + 2] = sizes[:2] - wall
-        changed[SHAPES + 2] = 0.0 if thin[2] else sizes[2] - wall
-        changed = with_parameter(changed, name, "onion", 1.0)
-        return with_parameter(changed, name, "dilation", dilation + grown)
-    if thin.sum() < 2:
-        return row
-    # A ball or a capsule: what is left is at most one length, which becomes the sweep.
-    grown = 0.5 * float(sizes[thin].mean())
-    length = 0.0 if thin.all() else float(sizes.max()) - 2.0 * grown
-    if not thin.all():
-        axis = int(np.argmax(sizes))
-        turn = np.eye(3)[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
+    shape, axes = entry.without_extent(entry, shape_of(row))
+    changed = with_shape(row, shape)
+    if axes is not None:
         own = row[ROTATION : ROTATION + 4].astype(np.float64)
-        changed[ROTATION : ROTATION + 4] = multiply(own, quaternion_of(turn))
-    values = {"size": (0.0, 0.0, max(length, 0.0)), "dilation": dilation + grown, "roundness": 1.0}
-    shape = family(name).shape_row(**values)
-    changed[SHAPES : SHAPES + len(shape)] = shape
+        changed[ROTATION : ROTATION + 4] = multiply(own, quaternion_of(np.eye(3)[:, axes]))
     return changed
 
 
 def _flat_ended(row: np.ndarray, name: str) -> np.ndarray:
-    """The cylinder that is as long and as thick as a capsule: a thin rod ends as one or the other."""
-    dilation = parameter_of(row, name, "dilation", 0.0)
-    width, depth, length = row[SHAPES : SHAPES + 3].tolist()
-    if dilation <= 0.0 or width > 0.0 or depth > 0.0 or length < SLENDER * dilation:
-        return row
-    changed = row.copy()
-    shape = family(name).shape_row(
-        size=(2.0 * dilation, 2.0 * dilation, length + 2.0 * dilation), roundness=1.0
-    )
-    changed[SHAPES : SHAPES + len(shape)] = shape
-    return changed
+    """The row with flat ends in place of round ones: a thin rod ends as one or the other."""
+    entry = family(name)
+    return row if entry.flat_ended is None else with_shape(row, entry.flat_ended(entry, shape_of(row)))
 
 
 def _canonical(row: np.ndarray, name: str) -> np.ndarray:
     """A row with every parameter canonical that is so but for rounding."""
     tried: set[tuple[str, float]] = set()
     while True:
-        fresh = [
-            (parameter, value, changed)
-            for parameter, value, changed in canonical_changes(row, name)
-            if (parameter, value) not in tried and _distance(row, name, parameter, value) <= NEAR[parameter]
-        ]
-        if not fresh:
+        fresh = next(
+            (
+                change
+                for change in canonical_changes(row, name)
+                if (change.rule.name, change.value) not in tried and change.distance <= change.rule.rounding
+            ),
+            None,
+        )
+        if fresh is None:
             return row
-        parameter, value, row = fresh[0]
-        tried.add((parameter, value))
-
-
-def _distance(row: np.ndarray, name: str, parameter: str, value: float) -> float:
-    """How far a parameter is from a canonical value, as `NEAR` counts it."""
-    found = parameter_of(row, name, parameter, value)
-    if parameter == "square":
-        x, y = (float(size) for size in row[SHAPES : SHAPES + 2])
-        return abs(x - y) / max(x, y)
-    if parameter == "onion":
-        return max(0.0, found)
-    if parameter == "taper":
-        # What dilation makes thick tapers less than its profile does.
-        width = float(row[SHAPES : SHAPES + 2].max())
-        return abs(found - value) * width / (width + 2.0 * parameter_of(row, name, "dilation", 0.0))
-    return abs(found - value)
+        row = fresh.row
+        tried.add((fresh.rule.name, fresh.value))
 
 
 def _plainest_pose(row: np.ndarray, name: str) -> np.ndarray:
     """The row turned as little as its own symmetry allows: the same solid with the smallest rotation."""
     own = row[ROTATION : ROTATION + 4].astype(np.float64)
     changed = row.copy()
-    if not row[SHAPES : SHAPES + 3].any() and is_round(row, name):
+    entry = family(name)
+    if is_round(row, name) and not entry.extents(shape_of(row)[None]).any():
         changed[ROTATION : ROTATION + 4] = (1.0, 0.0, 0.0, 0.0)
         return changed
     if is_round(row, name):
@@ -238,8 +189,10 @@ def _plainest_pose(row: np.ndarray, name: str) -> np.ndarray:
     turns = [turn for turn in ROTATIONS if _keeps(turn, row, name)]
     best = max(turns, key=lambda turn: round(abs(float(multiply(own, turn)[0])), 6))
     changed[ROTATION : ROTATION + 4] = canonical_sign(tidy(multiply(own, best)))
-    order = np.abs(matrix_of(best)).round().astype(int)
-    changed[SHAPES : SHAPES + 3] = order.T @ row[SHAPES : SHAPES + 3]
+    if entry.has("size"):
+        order = np.abs(matrix_of(best)).round().astype(int)
+        size = shape_of(changed)[entry.columns("size")]
+        size[:] = order.T @ size
     return changed
 
 
@@ -251,5 +204,6 @@ def _keeps(turn: np.ndarray, row: np.ndarray, name: str) -> bool:
     sweep, bend = matrix[2, 2], matrix[0, 0]
     if abs(sweep) < 1.0 or (sweep < 0.0 and not is_prism(row, name)):
         return False
-    # Along the bend nothing but the mirror plane is free.
-    return is_straight(row, name) or bend > 0.0
+    if bend > 0.0:
+        return True
+    return is_straight(row, name) if bend < 0.0 else turns_quarterly(row, name)

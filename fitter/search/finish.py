@@ -55,8 +55,9 @@ def merge(context: SearchContext, state: SearchState) -> None:
     parts, a shell and its filling say, where one would do.
     """
     config, tries = context.config, context.config.polish.merges
+    family = config.primitive
     settings = replace(config.sharpen, betas=MERGED, iterations=MERGE_STEPS)
-    moves = mergers(state.rows, state.candidate_pool, context.tally, state.alpha, tries)
+    moves = mergers(state.rows, state.candidate_pool, family, context.tally, state.alpha, tries)
     while moves and tries and not context.should_stop():
         before, tries = state.score, tries - 1
         seed = config.seed + len(state.rounds)
@@ -64,4 +65,4 @@ def merge(context: SearchContext, state: SearchState) -> None:
             context, state, context.refiner.refine(moves.pop(0), settings, seed, context.should_stop)
         )
         if state.score is not before:
-            moves = mergers(state.rows, state.candidate_pool, context.tally, state.alpha, tries)
+            moves = mergers(state.rows, state.candidate_pool, family, context.tally, state.alpha, tries)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...kernels.rows import BLEND
@@ -17,6 +19,7 @@ WORST_LOSS = 0.03
 def mergers(
     rows: np.ndarray,
     candidate_pool: CandidatePool,
+    family: str,
     tally: Tally,
     alpha: float,
     most: int,
@@ -27,6 +30,7 @@ def mergers(
     Args:
         rows: (primitive_count, ROW), the parts.
         candidate_pool: the candidates that may stand for two of them or more.
+        family: of all primitives.
         tally: the objective's sums.
         alpha: price of a primitive.
         most: mergers at most.
@@ -38,11 +42,17 @@ def mergers(
     pool = np.concatenate([candidate_pool.candidates(), rows])
     members = list(range(len(pool) - count, len(pool)))
     with candidate_pool.joined_by(rows) as coverage:
-        return _mergers(GreedyCover(coverage, tally, alpha), pool, members, most, worst_loss)
+        choice = GreedyCover(coverage, tally, alpha)
+        return _mergers(choice, pool, [family] * len(pool), members, most, worst_loss)
 
 
 def _mergers(
-    choice: GreedyCover, pool: np.ndarray, members: list[int], most: int, worst_loss: float
+    choice: GreedyCover,
+    pool: np.ndarray,
+    families: Sequence[str],
+    members: list[int],
+    most: int,
+    worst_loss: float,
 ) -> list[np.ndarray]:
     """`mergers` of the members of a pool."""
     for index in members:
@@ -62,7 +72,7 @@ def _mergers(
         merged = pool.copy()
         merged[index, BLEND] = pool[leavers, BLEND].max()
         kept = [member for member in members if member not in leavers]
-        moves.append(merged[sorted_by_volume(merged, [*kept, int(index)])])
+        moves.append(merged[sorted_by_volume(merged, families, [*kept, int(index)])])
     return moves
 
 

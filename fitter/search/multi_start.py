@@ -88,7 +88,7 @@ def search(context: SearchContext, state: SearchState) -> Outcome:
             finish(context, state)
     rows = state.rows
     if context.config.union == "hard":
-        rows = rows[np.argsort(-rough_volume(rows), kind="stable")]
+        rows = rows[np.argsort(-rough_volume(rows, context.families(rows)), kind="stable")]
     score = at_price(state.score, context.config.parsimony, state.price)
     return Outcome(rows, context.families(rows), score, state.iou, status, state.rounds, state.timings)
 

@@ -85,7 +85,15 @@ class Reduction:
             parts = context.parts(state.rows)
             pairs = neighbour_pairs(parts)[: context.config.propose.merges]
             self._propose(part_regions(parts, pairs, "pair"), len(state.rows))
-            moves += mergers(state.rows, state.candidate_pool, context.tally, state.alpha, MERGERS, np.inf)
+            moves += mergers(
+                state.rows,
+                state.candidate_pool,
+                context.config.primitive,
+                context.tally,
+                state.alpha,
+                MERGERS,
+                np.inf,
+            )
             moves.sort(key=lambda move: -self._assess(move).objective)
             moves += [
                 refine(

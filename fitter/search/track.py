@@ -5,9 +5,12 @@ A round decomposes what is unexplained, proposes, selects, refines and prunes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ...kernels.rows import BLEND, SHAPES
+from ...kernels.field.bounds import extents
+from ...kernels.rows import BLEND
 from ...kernels.runtime.launch import serial_device
 from ..objective.scoring import choose_blends, sorted_by_volume
 from ..outcome import Round, Status
@@ -113,7 +116,8 @@ def run_round(
     with state.timed("propose"):
         remembered = proposals.candidates(context, state, regions, number)
         candidates = remembered if others is None else np.concatenate([remembered, others])
-        candidates[:, BLEND] = starting_blends(candidates) if config.union == "smooth" else 0.0
+        blends = starting_blends(candidates, context.families(candidates))
+        candidates[:, BLEND] = blends if config.union == "smooth" else 0.0
         pool = np.concatenate([candidates, state.rows])
     if context.should_stop():
         return
@@ -124,7 +128,8 @@ def run_round(
         return
     progress.tell(state, "refine", number, 0.6)
     with state.timed("refine"):
-        selected, settings = pool[sorted_by_volume(pool, chosen)], config.refine if rich else config.sharpen
+        selected = pool[sorted_by_volume(pool, context.families(pool), chosen)]
+        settings = config.refine if rich else config.sharpen
         refined = context.refiner.refine(selected, settings, config.seed + number, context.should_stop)
     with state.timed("prune"):
         refined = with_chosen_blends(context, state, refined)
@@ -146,7 +151,7 @@ def with_chosen_blends(context: SearchContext, state: SearchState, rows: np.ndar
     return choose_blends(state.distances.values(rows), rows, context.tally, serial_device())
 
 
-def starting_blends(rows: np.ndarray) -> np.ndarray:
+def starting_blends(rows: np.ndarray, families: Sequence[str]) -> np.ndarray:
     """Blends (primitive_count,) of new primitives: thin ones would drown in a wide one."""
-    thickness = rows[:, SHAPES : SHAPES + 3].min(1)
+    thickness = extents(rows, families).min(1)
     return np.minimum(STARTING_BLEND * thickness, WIDEST_START)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..field.bounds import assembly_bounds, has_bent
+from ..field.bounds import assembly_bounds, steepest_slope
 from ..field.evaluate import evaluate_assembly, evaluate_grid
 from ..field.gradient import evaluate_gradient
 from ..field.primitive_set import PrimitiveSet
@@ -17,8 +17,6 @@ BORDER = 2.37
 """Cells between the surface and the grid's border: whole ones would put symmetric surfaces onto grid points."""
 COARSE = (32, 48)
 """Cells along the longest side of the grids that tighten loose bounds, one after the other."""
-BENT_SLOPE = 2.0
-"""How much steeper than a distance the field of bent forms is taken to be there."""
 MAX_ENLARGEMENTS = 6
 """Times that a grid which the surface leaves is enlarged."""
 MAX_GROWTH = 8.0
@@ -99,7 +97,7 @@ def tight_bounds(primitives: PrimitiveSet) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = assembly_bounds(primitives)
     if not (upper > lower).all() or any(run.family.approximate for run in primitives.runs):
         return lower, upper
-    slope = BENT_SLOPE if has_bent(primitives) else 1.0
+    slope = steepest_slope(primitives)
     for cells in COARSE:
         spacing = float((upper - lower).max()) / cells
         samples = _sample(primitives, lower + 0.5 * spacing, upper + 0.5 * spacing, spacing)

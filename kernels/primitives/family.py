@@ -1,167 +1,109 @@
-"""What a primitive family is: its parameter table, its field and its GLSL text.
-
-Everything that lists parameters (the JSON schema, sliders, the fitter's bounds, the docs) reads these tables.
-"""
+"""What a primitive family is: all that the rest of the package knows of a kind of primitive."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ..rows import SHAPE
+from .canonical_rules import Rule
+from .dilated import Turned
+from .parameters import ParameterTable, Values
+from .swept_solids import SweptSolids, shapes_by_name
+
+PointMap = Callable[[np.ndarray], np.ndarray]
+"""Takes points (n, 3) to others."""
+
+
+Box = tuple[np.ndarray, np.ndarray]
+"""Lowest and highest corner, each (3,) float64."""
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One named entry of a family's table; `count` numbers that share unit and ranges."""
+class Symmetries:
+    """Rotations that take a primitive to itself, each with the values that its parameters must have; None is never.
 
-    name: str
-    description: str
-    unit: str
-    """"length" (normalised units) or "ratio"."""
-    legal: tuple[float, float]
-    """Closed range of what is valid; wider than what is fitted."""
-    fit: tuple[float, float]
-    """Open range that `to_valid` covers (superfrustum.md, "Parameters and ranges")."""
-    default: tuple[float, ...]
-    slider: tuple[float, float]
-    """Range an editor offers."""
+    Beside these every family is its own mirror image in the local plane y = 0.
+    """
 
-    @property
-    def count(self) -> int:
-        """How many numbers the entry has."""
-        return len(self.default)
+    half_turn_z: Values | None = None
+    half_turn_x: Values | None = None
+    quarter_turn_z: Values | None = None
+    """Where the numbers of `size` for x and y change places."""
+    axis_order: Values | None = None
+    """Any rotation of the cube, where the numbers of `size` change places with their axes."""
+    revolution: Values | None = None
+    """Any turn about z, where the numbers of `size` for x and y are equal."""
 
 
 @dataclass(frozen=True)
-class Family:
-    """A kind of primitive. Functions are Warp functions; points are in the primitive's local frame."""
+class Family(ParameterTable):
+    """A kind of primitive: all that the rest of the package knows of it. Points are in the primitive's local frame.
 
-    name: str
-    description: str
-    parameters: tuple[Parameter, ...]
+    Functions of a table are Warp functions, functions of a shape (SHAPE,) are Python. What has no default must be
+    written; tests/kernels/primitives/test_family_contract.py checks every promise that is made here.
+    """
+
     table: Any
     """`wp.struct` with everything the field needs that does not depend on the point."""
     derive: Any
     """(rows, base) -> table, from the row that starts at `base` of the flat rows."""
     sdf: Any
     """(table, x, y, z) -> signed distance, negative inside."""
+    sdf_grad: Any
+    """(table, x, y, z) -> Derivatives: distance, 3 derivatives to the point, SHAPE to the parameters."""
     reach: Any
     """(table, x, y, z, radius) -> the most that the field can change within `radius` of the point."""
     glsl: str
     """GLSL ES 3.00 text of the function `float sdf_<name>(vec3 p, float s[8])`."""
+    bounds: Callable[[np.ndarray], Box]
+    """shape -> box that holds the surface."""
+    javascript: str
+    """Object with the function `bounds(parameters)`, which gives [low, high], and where steps are not the whole
+    distance `stepping(parameters)` (exports/page/spheres.js)."""
     fast: Any = None
     """(table, x, y, z) -> the same field, cheaper, valid in blocks of points where `seam_zone` is nowhere above 0."""
+    fast_grad: Any = None
+    """The derivatives of `fast`."""
     seam_zone: Any = None
     """(table, x, y, z) -> above 0 where only `sdf` is right."""
-    sdf_grad: Any = None
-    """(table, x, y, z) -> distance, 3 derivatives to the point, SHAPE to the parameters; from `<name>_gradient.py`."""
-    fast_grad: Any = None
-    """The same for `fast`."""
     approximate: bool = False
     """The field is not a distance away from the surface: say so wherever it shows."""
+    slope: Callable[[np.ndarray], float] = lambda shape: 1.0
+    """shape -> Lipschitz constant of the field, but for few points."""
+    step: Callable[[np.ndarray], float] = lambda shape: 1.0
+    """shape -> share of the field's value after which, but for few points, a ray is before the surface or inside."""
+    walls: Callable[[np.ndarray], np.ndarray] | None = None
+    """shape -> thickness (3,) of the thinnest wall along each axis; the box's sides unless given."""
+    straightened: Callable[[np.ndarray], tuple[np.ndarray, PointMap] | None] = lambda shape: None
+    """shape -> another that is easier to mesh, and the map of its surface's points (n, 3) to this one's; or None."""
+    mesh: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    """shape -> vertices and faces of its surface, where that is known in closed form."""
+    starts: Callable[[ParameterTable, SweptSolids], tuple[np.ndarray, np.ndarray]] = shapes_by_name
+    """(family, solids) -> shapes (g, SHAPE) that are nearest to them, and whether (g,) they are near."""
+    symmetries: Symmetries = Symmetries()
+    rules: tuple[Rule, ...] = ()
+    """What may be made canonical, the most harmless first."""
+    without_extent: Callable[[ParameterTable, np.ndarray], Turned] | None = None
+    """(family, shape) -> the shape whose thin extents are none, and the columns of its axes."""
+    flat_ended: Callable[[ParameterTable, np.ndarray], np.ndarray] | None = None
+    """(family, shape) -> the shape with flat ends in place of round ones, the same where it has none."""
     index: int = field(default=-1)
-    """Place among the families in alphabetical order, given by the registry."""
+    """Place in the registry: the package's own in alphabetical order, then the others."""
 
-    @property
-    def parameter_count(self) -> int:
-        """Numbers in a row's shape that this family uses, at most SHAPE."""
-        return sum(parameter.count for parameter in self.parameters)
+    def revolves(self, shape: np.ndarray, near: float = 0.0) -> bool:
+        """Whether the shape (SHAPE,) is a body of revolution about z, but for `near`."""
+        if self.has("size"):
+            x, y = shape[self.columns("size")][:2]
+            if abs(x - y) > near * max(x, y):
+                return False
+        return self.holds(self.symmetries.revolution, shape, near)
 
-    def columns(self, name: str) -> slice:
-        """Where the parameter `name` lies in the shape part of a row."""
-        begin = 0
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return slice(begin, begin + parameter.count)
-            begin += parameter.count
-        raise KeyError(name)
-
-    def shape_row(self, **values: Any) -> np.ndarray:
-        """Shape part (SHAPE,) float32 of a row with the given parameters, defaults elsewhere."""
-        row = np.zeros(SHAPE, np.float32)
-        for parameter in self.parameters:
-            row[self.columns(parameter.name)] = values.pop(parameter.name, parameter.default)
-        if values:
-            raise KeyError(f"{self.name} has no parameter {', '.join(values)}")
-        return row
-
-    def _ranges(self, which: str) -> tuple[np.ndarray, np.ndarray]:
-        low, high = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
-        for parameter in self.parameters:
-            low[self.columns(parameter.name)], high[self.columns(parameter.name)] = getattr(parameter, which)
-        return low, high
-
-    @property
-    def legal_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest legal shape, each (SHAPE,); 0 in unused columns."""
-        return self._ranges("legal")
-
-    @property
-    def fit_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest fitted shape, each (SHAPE,); 0 in unused columns."""
-        return self._ranges("fit")
-
-    def to_valid(self, raw: np.ndarray) -> np.ndarray:
-        """Shapes (..., SHAPE) from unbounded raw numbers: low + (high - low) * logistic(raw)."""
-        low, high = self.fit_range
-        return low + (high - low) / (1.0 + np.exp(-raw))
-
-    def to_raw(self, shape: np.ndarray) -> np.ndarray:
-        """Inverse of `to_valid`; shares of the range are kept in [1e-4, 1 - 1e-4], where the slope is not dead."""
-        low, high = self.fit_range
-        share = np.clip((shape - low) / np.where(high > low, high - low, 1.0), 1e-4, 1.0 - 1e-4)
-        return np.where(high > low, np.log(share / (1.0 - share)), 0.0)
-
-
-LENGTH_MAX = 3.2
-"""No extent in the normalised frame exceeds this: a turned rod may be as long as the diagonal of the cube."""
-
-
-def size_parameter(description: str = "full extents; z is the sweep axis") -> Parameter:
-    """The entry that all families begin with."""
-    return Parameter(
-        "size", description, "length", (0.0, math.inf), (1e-3, LENGTH_MAX), (0.5, 0.5, 0.5), (0.0, 2.0)
-    )
-
-
-def dilation_parameter() -> Parameter:
-    """The offset of the whole field: rounds every convex edge."""
-    return Parameter(
-        "dilation",
-        "offset of the surface; rounds every convex edge",
-        "length",
-        (0.0, math.inf),
-        (0.0, 1.0),
-        (0.0,),
-        (0.0, 1.0),
-    )
-
-
-def roundness_parameter() -> Parameter:
-    """The corner radius of a profile."""
-    return Parameter(
-        "roundness",
-        "corner radius of the profile as a share of its inset radius; 1 is a stadium or disc",
-        "ratio",
-        (0.0, 1.0),
-        (0.0, 1.0),
-        (0.0,),
-        (0.0, 1.0),
-    )
-
-
-def onion_parameter() -> Parameter:
-    """The hole of a profile; below 0 it only makes inner distances exact (superfrustum.md, "Trapezoid and onion")."""
-    return Parameter(
-        "onion",
-        "hole relative to the profile's inset; above 0 hollow, -1 solid with exact inner distances",
-        "ratio",
-        (-1.0, 1.0),
-        (-1.0, 1.0),
-        (-1.0,),
-        (-1.0, 1.0),
-    )
+    def extents(self, shapes: np.ndarray) -> np.ndarray:
+        """Extents (n, 3) of shapes (n, SHAPE) along their axes, to compare them by: `size`, else those of the box."""
+        if self.has("size"):
+            return shapes[:, self.columns("size")]
+        boxes = [self.bounds(shape) for shape in shapes]
+        return np.array([high - low for low, high in boxes], np.float32).reshape(-1, 3)

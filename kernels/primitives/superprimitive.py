@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
-from ..rows import SHAPES_C
-from .family import Family, dilation_parameter, onion_parameter, roundness_parameter, size_parameter
-from .stages.profile import Profile, derive_profile, sdf_profile
-from .stages.trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid
+from ..rows import SHAPES_C, Derivatives
+from .canonical_rules import PROFILE, SHARP, SOLID, SQUARE
+from .dilated import flat_ended, without_extent
+from .family import Box, Family, Symmetries
+from .parameters import dilation_parameter, onion_parameter, roundness_parameter, size_parameter
+from .stages.profile import Profile, derive_profile, sdf_profile, sdf_profile_grad, sdf_profile_shape_grad
+from .stages.trapezoid import Trapezoid, derive_trapezoid, sdf_trapezoid, sdf_trapezoid_grad, wall_thickness
 
 
 @wp.struct
@@ -37,9 +41,29 @@ def sdf_superprimitive(s: Superprimitive, x: float, y: float, z: float) -> float
 
 
 @wp.func
+def sdf_superprimitive_grad(s: Superprimitive, x: float, y: float, z: float) -> Derivatives:
+    """Value and derivatives."""
+    u, ux, uy = sdf_profile_grad(s.profile, x, y)
+    g, gu, gz, gh, gm, _gtaper, gonion = sdf_trapezoid_grad(s.trapezoid, u, z)
+    gx, gy, gsx, gsy, ground = sdf_profile_shape_grad(s.profile, x, y, gu, gm, ux, uy)
+    return Derivatives(g - s.dilation, gx, gy, gz, gsx, gsy, 0.5 * gh, ground, -1.0, gonion, 0.0, 0.0)
+
+
+@wp.func
 def reach_superprimitive(s: Superprimitive, x: float, y: float, z: float, radius: float) -> float:
     """The field is 1-Lipschitz."""
     return radius
+
+
+def superprimitive_bounds(shape: np.ndarray) -> Box:
+    """The sizes, and the dilation around them."""
+    half = 0.5 * np.maximum(np.asarray(shape[:3], np.float64), 1e-6) + float(shape[4])
+    return -half, half
+
+
+def superprimitive_walls(shape: np.ndarray) -> np.ndarray:
+    """Thickness along each axis; across the sweep that of the wall, where it is hollow."""
+    return wall_thickness(shape[:3], float(shape[4]), float(shape[5]))
 
 
 FAMILY = Family(
@@ -54,7 +78,20 @@ FAMILY = Family(
     table=Superprimitive,
     derive=derive_superprimitive,
     sdf=sdf_superprimitive,
+    sdf_grad=sdf_superprimitive_grad,
     reach=reach_superprimitive,
+    bounds=superprimitive_bounds,
+    walls=superprimitive_walls,
+    symmetries=Symmetries(
+        half_turn_z={},
+        half_turn_x={},
+        quarter_turn_z={},
+        axis_order={"roundness": 0.0, "onion": -1.0},
+        revolution={"roundness": 1.0},
+    ),
+    rules=(SOLID, SHARP, PROFILE, SQUARE),
+    without_extent=without_extent,
+    flat_ended=flat_ended,
     glsl="""
 float sdf_superprimitive(vec3 p, float s[8]) {
   vec3 size = max(vec3(s[0], s[1], s[2]), vec3(1e-6));
@@ -66,5 +103,11 @@ float sdf_superprimitive(vec3 p, float s[8]) {
   float w = max(u, (s[5] - 1.0) * m - u);
   return length(max(vec2(w, z), vec2(0.0))) + min(max(w, z), 0.0) - s[4];
 }
+""",
+    javascript="""
+{bounds: p => {
+  const half = p.size.map(value => 0.5 * Math.max(value, 1e-6) + p.dilation);
+  return [half.map(value => -value), half];
+}}
 """,
 )

@@ -45,8 +45,8 @@ GPU_CHUNK = 32
 """Points whose Jacobian rows a thread holds at a time on a GPU, where its fast memory is small."""
 
 STEEPEST = wp.constant(16.0)
-"""Derivatives to position, height and bulge are clipped to this: at an arc's centre they are unbounded
-(superfrustum.md, "Derivatives"), and one such point would rule a whole system."""
+"""Derivatives are clipped to this: a few are unbounded, as at an arc's centre (superfrustum.md, "Derivatives"), and one
+such point would rule a whole system."""
 
 ADD = "resfit.kernels.refine.normal_equations.add"
 wp.set_module_options(PLAIN_OPTIONS, module=ADD)
@@ -68,10 +68,8 @@ def system_row(
     steep = -weight * beta * occupied * (1.0 - occupied)
     scale = at(wanted.slope, i) * steep
     c = d
-    c[1] = clamp_symmetric(d[1], STEEPEST)
-    c[3] = clamp_symmetric(d[3], STEEPEST)
-    c[6] = clamp_symmetric(d[6], STEEPEST)
-    c[10] = clamp_symmetric(d[10], STEEPEST)
+    for m in range(1, DERIVATIVES_C):
+        c[m] = clamp_symmetric(d[m], STEEPEST)
     row = jacobian_row(x, y, z, c)
     out = SystemRow()
     for m in range(TANGENT_C):

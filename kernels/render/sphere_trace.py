@@ -1,23 +1,20 @@
 """Sphere tracing of a smooth union by wavefronts: all live rays take a step together, then finished ones drop out.
 
 A step evaluates the union at one point of each live ray, in blocks of neighbouring rays, so that culling works as on
-any other points. Bent primitives are not 1-Lipschitz (superfrustum.md, "Lipschitz constant and reach") and a
-superquadric's field is not a distance: steps are shortened for them, and a ray that finds itself inside goes back
-between its last two points.
+any other points. Fields that are steeper than a distance (superfrustum.md, "Lipschitz constant and reach") or only near
+to one say which steps are safe; a ray that finds itself inside all the same goes back between its last two points.
 """
 
 # No postponed annotations here: Warp reads the kernels' own.
 
 from dataclasses import dataclass
 
-import numpy as np
 import warp as wp
 
-from ..field.bounds import has_bent
+from ..field.bounds import safe_step
 from ..field.evaluate import union_at
 from ..field.points import padded_count
 from ..field.primitive_set import PrimitiveSet
-from ..rows import SHAPES
 from ..runtime.launch import PLAIN_OPTIONS, launch
 from .camera import Rays
 from .ray_queue import RayQueue
@@ -29,12 +26,6 @@ NO_HIT = wp.constant(1.0e30)
 MAX_STEPS = 160
 """Steps of full length after which a ray that grazes a surface is given up."""
 SHADOW_STEPS = 40
-BENT_FACTOR = 0.8
-"""Step length where a bent primitive is present: its field is steeper than 1.25 at fewer than one point in 500."""
-FLATNESS_FACTOR = 4.0
-"""Step length for superquadrics, times their smallest size by their largest. Over a plate of half thickness t, at z
-above its middle and R from its axis, the radial approximation is R (1 - t / z): a step of less than 5.8 t / R of it
-ends before the plate or inside, never behind it."""
 SHORTEST_FACTOR = 0.08
 """No field is taken to be worse than this, however flat the primitive."""
 
@@ -171,13 +162,7 @@ def darken_rays_kernel(
 
 def step_factor(primitives: PrimitiveSet) -> float:
     """Share of the field's value that is safe to step, but for places that backtracking takes care of."""
-    factor = BENT_FACTOR if has_bent(primitives) else 1.0
-    rows = primitives.rows_numpy()
-    for run in primitives.runs:
-        if run.family.approximate:
-            size = np.maximum(rows[run.begin : run.end, SHAPES:][:, run.family.columns("size")], 1e-4)
-            factor = min(factor, FLATNESS_FACTOR * float((size.min(axis=1) / size.max(axis=1)).min()))
-    return max(factor, SHORTEST_FACTOR)
+    return max(safe_step(primitives), SHORTEST_FACTOR)
 
 
 def march_rays(primitives: PrimitiveSet, rays: Rays, box: Box, tolerance: float) -> wp.array:

@@ -145,7 +145,7 @@ def test_two_halves_of_a_box_are_merged(device: wp.Device) -> None:
         candidate_pool.coverage.append(context.inside(rows))
         return candidate_pool
 
-    moves = mergers(halves, remembering(whole), context.tally, config.parsimony, 4)
+    moves = mergers(halves, remembering(whole), config.primitive, context.tally, config.parsimony, 4)
     assert len(moves) == 1 and len(moves[0]) == 1
     np.testing.assert_array_equal(moves[0][0, SHAPES : SHAPES + 8], whole[0, SHAPES : SHAPES + 8])
-    assert not mergers(whole, remembering(halves), context.tally, config.parsimony, 4)
+    assert not mergers(whole, remembering(halves), config.primitive, context.tally, config.parsimony, 4)

@@ -92,14 +92,20 @@ def placed(part: Primitive, matrix: npt.ArrayLike) -> Primitive:
 
 
 def scaled_parameters(part: Primitive, factors: float | npt.ArrayLike) -> dict[str, float | Vector]:
-    """Parameters of a part after scaling: by one factor all lengths change, by three (one an axis) only the extents."""
-    values = dict(part.parameters)
-    factors = np.asarray(factors, np.float64)
-    values["size"] = to_vector(np.maximum(np.multiply(values["size"], factors), SMALLEST))
-    if factors.ndim == 0:
-        for entry in FAMILIES[part.family].parameters:
-            if entry.unit == "length" and entry.count == 1:
-                values[entry.name] = float(np.multiply(values[entry.name], factors))
+    """Parameters of a part after scaling: by one factor all lengths change, by three (one an axis) only the extents.
+
+    A family without `size` has no extents of its own: it is scaled by the mean of three factors.
+    """
+    entry, values = FAMILIES[part.family], dict(part.parameters)
+    scale = np.asarray(factors, np.float64)
+    if entry.has("size"):
+        values["size"] = to_vector(np.maximum(np.multiply(values["size"], scale), SMALLEST))
+    elif scale.ndim:
+        scale = np.asarray(np.cbrt(scale.prod()))
+    if scale.ndim == 0:
+        for parameter in entry.parameters:
+            if parameter.unit == "length" and parameter.count == 1:
+                values[parameter.name] = float(np.multiply(values[parameter.name], scale))
     return values
 
 

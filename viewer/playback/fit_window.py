@@ -69,7 +69,7 @@ class LiveSteps:
         before = self.assembly.rows()
         if before.shape == rows.shape and np.array_equal(before, rows):
             return
-        same = {new: self.assembly.primitives[old] for new, old in matches(rows, before)[0]}
+        same = {new: self.assembly.primitives[old] for new, old in matches(rows, before, self.family)[0]}
         parts = []
         for index, row in enumerate(rows):
             if index in same:

@@ -22,7 +22,8 @@ from ...assembly.history import History, HistoryRound
 from ...assembly.plain_json import number_at
 from ...assembly.primitive import Primitive
 from ...assembly.report import read_report
-from ...kernels.rows import BLEND, ROTATION, ROW, SHAPES, TRANSLATION
+from ...kernels.field.bounds import extents
+from ...kernels.rows import BLEND, ROTATION, ROW, TRANSLATION
 
 Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
 
@@ -106,7 +107,9 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
         iou: of that, if known.
     """
     rounds = list(_followed(history))
-    names, colors = _named(assembly, [sets["kept"] for entry, _, sets in rounds if entry.accepted])
+    names, colors = _named(
+        assembly, [sets["kept"] for entry, _, sets in rounds if entry.accepted], history.family
+    )
     count, seen, frames = len(rounds), set[bytes](), []
     for number, (entry, start, sets) in enumerate(rounds, 1):
         new = [row for row in entry.candidates if _is_new(row, seen)]
@@ -211,11 +214,11 @@ def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, 
             earlier.append(kept)
 
 
-def _named(assembly: Assembly, kept: Sequence[_Set]) -> tuple[dict[int, str], dict[int, str]]:
+def _named(assembly: Assembly, kept: Sequence[_Set], family: str) -> tuple[dict[int, str], dict[int, str]]:
     """Names and colours by number of the parts that end up in the result: those of the nearest set that was kept."""
     best: tuple[list[tuple[int, int]], float] = ([], 0.0)
     for parts in kept:
-        pairs, closeness = matches(assembly.rows(), parts.rows)
+        pairs, closeness = matches(assembly.rows(), parts.rows, family)
         if closeness > best[1]:
             best = [(k, parts.ids[j]) for k, j in pairs], closeness
     primitives = assembly.primitives
@@ -223,22 +226,22 @@ def _named(assembly: Assembly, kept: Sequence[_Set]) -> tuple[dict[int, str], di
     return names, {id: primitives[k].color for k, id in best[0]}
 
 
-def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]], float]:
-    """Which parts of two sets, rows (k, ROW), are much the same in place and size.
+def matches(rows: np.ndarray, others: np.ndarray, family: str) -> tuple[list[tuple[int, int]], float]:
+    """Which parts of two sets of one family, rows (k, ROW), are much the same in place and size.
 
     Returns:
         Pairs of indices, and how close the sets are: 0 for nothing in common.
     """
     from scipy.optimize import linear_sum_assignment
 
-    away = np.linalg.norm(_places(rows)[:, None] - _places(others)[None], axis=2)
+    away = np.linalg.norm(_places(rows, family)[:, None] - _places(others, family)[None], axis=2)
     away = np.minimum(away, SAME_PART)
     pairs = [(int(k), int(j)) for k, j in zip(*linear_sum_assignment(away), strict=True)]
     closeness = float(sum(SAME_PART - away[pair] for pair in pairs))
     return [pair for pair in pairs if away[pair] < SAME_PART], closeness
 
 
-def _places(rows: np.ndarray) -> np.ndarray:
+def _places(rows: np.ndarray, family: str) -> np.ndarray:
     """Centres and extents along the frame's axes, (k, 6) float64, of rows (k, ROW): the same however axes are named."""
     from scipy.spatial.transform import Rotation
 
@@ -248,8 +251,8 @@ def _places(rows: np.ndarray) -> np.ndarray:
     turns = (
         Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix() if len(rows) else np.zeros((0, 3, 3))
     )
-    extents = np.einsum("kij,kj->ki", np.abs(turns), wide[:, SHAPES : SHAPES + 3])
-    return np.concatenate([wide[:, TRANSLATION : TRANSLATION + 3], extents], axis=1)
+    sides = np.einsum("kij,kj->ki", np.abs(turns), extents(rows, [family] * len(rows)))
+    return np.concatenate([wide[:, TRANSLATION : TRANSLATION + 3], sides], axis=1)
 
 
 def _is_new(row: np.ndarray, seen: set[bytes]) -> bool:

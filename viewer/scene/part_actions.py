@@ -7,13 +7,11 @@ import numpy as np
 from resfit.errors import InputError
 
 from ...assembly.primitive import Primitive, shown
+from ...kernels.primitives import DEFAULT_FAMILY
 from ..model.edit_session import EditSession
 from ..model.edit_state import PartRef
 from ..model.poses import to_vector
 from .scene import Scene
-
-FIRST_FAMILY = "superfrustum"
-"""What the key adds while nothing is selected."""
 
 
 class PartActions:
@@ -68,7 +66,7 @@ class PartActions:
     def add(self) -> str:
         """Add a primitive like the selected one."""
         selected = self._session.selected
-        return self.add_family(self._session.part(selected).family if selected else FIRST_FAMILY)
+        return self.add_family(self._session.part(selected).family if selected else DEFAULT_FAMILY)
 
     def add_family(self, family: str) -> str:
         """Add a primitive where the camera looks, and select it."""

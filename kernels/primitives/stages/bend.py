@@ -6,6 +6,9 @@ jumps: there the straight extension of the other end counts too, faded in over t
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import warp as wp
 
 from ...vector_math import HALF_PI, PI, atan_ratio, atan_ratio_grad, larger, sign, smaller
@@ -248,3 +251,44 @@ def straighten_other_grad(b: Bend, x: float, z: float):
         side * (b.cosine - 1.0),
         side * (-x * b.cosine - over * b.sine),
     )
+
+
+def bent_box(half: np.ndarray, theta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner (3,) of a box of half extents (3,) that is bent, a little too large."""
+    low, high = -half, half.copy()
+    if theta != 0.0:
+        # The axis is an arc through (0, +-h) with its apex at x = -h tan(theta / 2); the profile stands across it.
+        bend, x, h = abs(theta), half[0], half[2]
+        low[0] = -h * math.tan(0.5 * bend) - x
+        high[0] = x * max(math.cos(bend), 0.0)
+        high[2] = h + x * math.sin(bend)
+        low[2] = -high[2]
+        if theta < 0.0:
+            low[0], high[0] = -high[0], -low[0]
+    return low, high
+
+
+def bend_points(points: np.ndarray, half_height: float, theta: float) -> np.ndarray:
+    """Bend straight points (n, 3): the inverse of `straighten`.
+
+    The axis from (0, -h) to (0, h) becomes an arc of half angle `theta`, its apex towards -x for theta above 0; what
+    lies beyond its ends goes straight on.
+    """
+    x, y, z = np.asarray(points, np.float64).T
+    # `straighten` mirrors x, which the even profile does not see; here it would turn the faces inside out.
+    radius = half_height / math.sin(theta)
+    centre = radius * math.cos(theta)
+    angle = theta * np.clip(z / half_height, -1.0, 1.0)
+    beyond = z - np.clip(z, -half_height, half_height)
+    bent_x = centre - (radius - x) * np.cos(angle) + beyond * np.sin(angle)
+    bent_z = (radius - x) * np.sin(angle) + beyond * np.cos(angle)
+    return np.stack([bent_x, y, bent_z], axis=1)
+
+
+ARCTAN_GLSL = """\
+float sdf_superfrustum_arctan(float r2) {
+  return 0.999999911 + r2 * (-0.333320937 + r2 * (0.199713769 + r2 * (-0.140294272 + r2 * (0.0994277551 +
+    r2 * (-0.059904908 + r2 * (0.0245572375 - r2 * 0.00478048135))))));
+}
+"""
+"""The polynomial of the arctangent, for a page."""

@@ -85,3 +85,13 @@ def sdf_profile_shape_grad(p: Profile, x: float, y: float, du: float, dm: float,
         p.share_y * dinset - 0.5 * dy,
         p.inset * dradius,
     )
+
+
+PROFILE_GLSL = """\
+float sdf_superfrustum_profile(vec2 p, vec2 size, float roundness) {
+  float radius = 0.5 * roundness * min(size.x, size.y);
+  vec2 q = abs(p) - 0.5 * size + radius;
+  return (min(q.x, q.y) > 0.0 ? length(q) : max(q.x, q.y)) - radius;
+}
+"""
+"""The same for a page."""

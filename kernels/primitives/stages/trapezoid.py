@@ -8,6 +8,7 @@ no division in the point loop.
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from ...vector_math import clamp_symmetric, larger, smaller
@@ -184,3 +185,52 @@ def sdf_trapezoid_grad(t: Trapezoid, u: float, z: float):
     donion = -gu * t.inset * (bottom_left + top_left * t.taper)
     dtaper = -gu * t.inset * (top_left * t.onion + top_right)
     return g, gu, gz, gz * drop, dm, dtaper, donion
+
+
+NARROWEST_TOP = 0.5
+"""Walls that taper off are followed down to this share of their width at the bottom."""
+
+
+def wall_thickness(size: np.ndarray, dilation: float, onion: float, taper: float = 1.0) -> np.ndarray:
+    """Thickness (3,) of a form along each axis; across the sweep that of its wall, where it is hollow."""
+    size = np.maximum(size.astype(np.float64), 1e-6)
+    thin = size + 2.0 * dilation
+    if onion > 0.0:
+        wall = 0.5 * float(size[:2].min()) * (1.0 - onion) * min(max(taper, NARROWEST_TOP), 1.0)
+        thin[:2] = np.minimum(thin[:2], wall + 2.0 * dilation)
+    return thin
+
+
+EDGE_GLSL = """\
+float sdf_superfrustum_edge(vec2 p, vec2 a, vec2 b) {
+  vec2 e = b - a;
+  vec2 v = p - a;
+  vec2 d = v - e * clamp(dot(v, e) / max(dot(e, e), 1e-18), 0.0, 1.0);
+  return dot(d, d);
+}
+"""
+"""Squared distance to an edge, for a page."""
+
+
+STRAIGHT_GLSL = """\
+float sdf_superfrustum_straight(vec3 p, vec3 size, float roundness, float taper, float onion) {
+  float h = 0.5 * size.z;
+  float m = 0.5 * min(size.x, size.y);
+  vec2 q = vec2(sdf_superfrustum_profile(p.xy, size.xy, roundness), p.z);
+  vec2 bottom_left = vec2((onion - 1.0) * m, -h);
+  vec2 bottom_right = vec2(0.0, -h);
+  vec2 top_right = vec2((taper - 1.0) * m, h);
+  vec2 top_left = vec2((onion * taper - 1.0) * m, h);
+  vec2 right = top_right - bottom_right;
+  vec2 left = top_left - bottom_left;
+  float side = dot(q - bottom_right, vec2(right.y, -right.x)) / length(right);
+  float core = dot(q - bottom_left, vec2(-left.y, left.x)) / length(left);
+  float deep = max(max(side, core), abs(q.y) - h);
+  if (deep < 0.0) return deep;
+  float nearest = min(
+    min(sdf_superfrustum_edge(q, bottom_right, top_right), sdf_superfrustum_edge(q, bottom_left, top_left)),
+    min(sdf_superfrustum_edge(q, bottom_left, bottom_right), sdf_superfrustum_edge(q, top_left, top_right)));
+  return sqrt(nearest);
+}
+"""
+"""The trapezoid over the profile, for a page."""

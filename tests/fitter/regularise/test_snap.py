@@ -136,8 +136,8 @@ def test_canonical_changes_are_small_and_end() -> None:
     )
     seen = []
     while changes := canonical_changes(row, "superfrustum"):
-        name, _, row = changes[0]
-        seen.append(name)
+        row = changes[0].row
+        seen.append(changes[0].rule.name)
     assert seen == ["onion", "bulge", "taper", "dilation", "roundness", "square"]
     assert row[SHAPES] == row[SHAPES + 1] and row[SHAPES + 2] == pytest.approx(0.82)
     far = family("superfrustum").shape_row(
@@ -146,7 +146,7 @@ def test_canonical_changes_are_small_and_end() -> None:
     row[SHAPES : SHAPES + SHAPE] = far
     assert canonical_changes(row, "superfrustum") == []
     row[SHAPES : SHAPES + SHAPE] = family("superquadric").shape_row(size=(0.4, 0.41, 0.8))
-    assert [name for name, *_ in canonical_changes(row, "superquadric")] == ["square"]
+    assert [change.rule.name for change in canonical_changes(row, "superquadric")] == ["square"]
 
 
 def test_ties_hold_and_do_not_creep(rng: np.random.Generator) -> None:

@@ -63,4 +63,4 @@ def test_a_lower_price_makes_an_assembly_worth_more(context: SearchContext) -> N
 def test_thin_primitives_start_with_small_blends() -> None:
     rows = empty_rows(2)
     rows[:, SHAPES : SHAPES + 3] = [(1.0, 1.0, 0.04), (1.0, 1.0, 1.0)]
-    assert np.allclose(starting_blends(rows), [0.01, 0.05])
+    assert np.allclose(starting_blends(rows, ["superfrustum"] * len(rows)), [0.01, 0.05])

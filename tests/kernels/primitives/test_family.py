@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resfit.kernels.primitives import FAMILIES
-from resfit.kernels.primitives.family import Family, Parameter
+from resfit.kernels.primitives import FAMILIES, Family, Parameter
 from resfit.kernels.rows import SHAPE
 
 
@@ -16,7 +15,7 @@ def made_up() -> Family:
         Parameter("pair", "", "length", (0.0, np.inf), (0.1, 2.1), (0.5, 0.7), (0.0, 1.0)),
         Parameter("one", "", "ratio", (-1.0, 1.0), (-0.5, 0.5), (0.25,), (-1.0, 1.0)),
     )
-    return Family("made_up", "", table, None, None, None, None, "")
+    return Family("made_up", "", table, *[None] * 5, "", lambda shape: (shape[:3], shape[:3]), "")
 
 
 def test_rows_by_name() -> None:

@@ -132,10 +132,10 @@ def test_regions_are_boxes_of_the_normalised_frame() -> None:
 def test_matches_are_near_in_place_and_size() -> None:
     rows = np.stack([box_row(-0.5), box_row(0.5), box_row(0.0, 0.9)])
     others = np.stack([box_row(0.55), box_row(-0.5)])
-    pairs, closeness = matches(rows, others)
+    pairs, closeness = matches(rows, others, "superfrustum")
     assert sorted(pairs) == [(0, 1), (1, 0)]
     assert closeness > 0.0
-    assert matches(rows, rows[:0]) == ([], 0.0)
+    assert matches(rows, rows[:0], "superfrustum") == ([], 0.0)
 
 
 def test_between_steps_parts_move_grow_and_shrink() -> None:
