@@ -25,27 +25,20 @@ HALF_CELL = 1.0 / 128.0
 """Half a cell of a grid of 128, for points that come without a grid."""
 
 
-def region_starts(
-    region: Region | np.ndarray, family: str = "superfrustum", count: int = STARTS
-) -> tuple[np.ndarray, list[str]]:
-    """Starting rows for one region, the likeliest and most different hypotheses first.
-
-    Args:
-        region: a region, or points (m, 3) spread over its volume, normalised frame, from a grid of 128.
-        family: of the primitives.
-        count: rows at most.
-
-    Returns:
-        Rows (s, ROW) float32 with blend 0 and gate 1, and their kinds; none for a region without points.
-    """
-    rows, _, kinds = all_starts([region], family, count)
-    return rows, kinds
-
-
 def all_starts(
     regions: Sequence[Region | np.ndarray], family: str = "superfrustum", count: int = STARTS
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """`region_starts` of many regions: rows (s, ROW), the region (s,) int32 that each is for, and the kinds."""
+    """Starting rows for regions, the likeliest and most different hypotheses of each first.
+
+    Args:
+        regions: each a region, or points (m, 3) spread over its volume, normalised frame, from a grid of 128.
+        family: of the primitives.
+        count: rows a region, at most.
+
+    Returns:
+        Rows (s, ROW) float32 with blend 0 and gate 1, the region (s,) int32 that each is for, and their kinds; none
+        for a region without points.
+    """
     entry = find_family(family)
     samples = [_sample(region) for region in regions]
     present = [index for index, points in enumerate(samples) if len(points)]

@@ -35,7 +35,7 @@ DRAGGED = (-1, -1)
 """Where the button went down, once the mouse has moved farther than in a click."""
 
 GIZMO_LAYER, PANEL_LAYER = 1, 2
-FIRST, LAST = 10.0, -10.0
+FIRST = 10.0
 """Priorities of observers: before and after VTK's own."""
 
 NAMES = {
