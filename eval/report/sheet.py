@@ -12,6 +12,7 @@ import warp as wp
 
 from ...assembly.assembly import Assembly
 from ...assembly.atomic_write import write_bytes
+from ...assembly.change_of_frame import rows_in_frame
 from ...assembly.colors import palette_color, rgb
 from ...assembly.primitive import Primitive
 from ...assembly.surface import part_surface
@@ -26,7 +27,6 @@ from ...kernels.render.shading import to_linear
 from ...kernels.runtime.launch import choose_device
 from ...shape.load import load_mesh
 from ..batch.datasets import Shape
-from ..metrics.prediction import rows_in_frame
 from ..metrics.prediction_files import Source, read_prediction
 from ..metrics.prediction_parts import PartMesh, joined, turned_outwards
 from .contact_sheet import COLORS, FAINT, GAP, INK, PAPER

@@ -12,6 +12,7 @@ import numpy as np
 from ...decomposition.region import Region, spread_indices
 from ...kernels.primitives import Family
 from ...kernels.primitives import family as find_family
+from ...kernels.rotation import quaternion_of
 from ...kernels.rows import ROTATION, ROW, SHAPES, TRANSLATION, empty_rows
 from .hypotheses import Hypotheses, guess_shapes
 
@@ -113,23 +114,5 @@ def hypothesis_rows(guesses: Hypotheses, entry: Family) -> np.ndarray:
         shapes[:, columns] = value if value.ndim == 2 else value.reshape(-1, 1)
     shapes[:] = np.clip(shapes, low, high)
     rows[:, TRANSLATION : TRANSLATION + 3] = guesses.centre
-    rows[:, ROTATION : ROTATION + 4] = quaternions(guesses.axes)
+    rows[:, ROTATION : ROTATION + 4] = quaternion_of(guesses.axes)
     return rows.reshape(-1, ROW)
-
-
-def quaternions(axes: np.ndarray) -> np.ndarray:
-    """Unit quaternions (s, 4), (w, x, y, z), of rotation matrices (s, 3, 3), local to world."""
-    diagonal = np.diagonal(axes, axis1=1, axis2=2)
-    trace = diagonal.sum(axis=1)
-    # Four times the products of the quaternion's components: [i, j] = 4 q_i q_j.
-    products = np.empty((len(axes), 4, 4))
-    products[:, 0, 0] = 1.0 + trace
-    products[:, [1, 2, 3], [1, 2, 3]] = 1.0 - trace[:, None] + 2.0 * diagonal
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        products[:, 0, 1 + k] = products[:, 1 + k, 0] = axes[:, j, i] - axes[:, i, j]
-        products[:, 1 + i, 1 + j] = products[:, 1 + j, 1 + i] = axes[:, j, i] + axes[:, i, j]
-    # The row of the largest component loses no digits.
-    largest = np.diagonal(products, axis1=1, axis2=2).argmax(axis=1)
-    found = products[np.arange(len(axes)), largest]
-    return (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ...kernels.primitives import family
+from ...kernels.rotation import matrix_of
 from ...kernels.rows import SHAPES, TRANSLATION
-from .rigid_motion import matrix_of
 
 NEAR_BULGE = 0.06
 """A quarter of a turn is 1: an arc of 5 degrees is nearly straight."""

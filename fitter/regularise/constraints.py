@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...kernels.rotation import matrix_of, multiply
 from ...kernels.rows import BLEND, ROTATION, TRANSLATION
 from .canonical import is_prism, is_round, is_straight, with_parameter
-from .rigid_motion import canonical_sign, matrix_of, move_rows, multiply
+from .rigid_motion import canonical_sign, move_rows
 
 NEARLY = 0.15
 """Taper and bulge up to this from straight and prismatic may be given up for symmetry."""

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from ...kernels.primitives import family
+from ...kernels.rotation import matrix_of, multiply, quaternion_of
 from ...kernels.rows import ROTATION, SHAPES, TRANSLATION
 from ..objective.cached import CachedObjective
 from .canonical import (
@@ -24,7 +25,7 @@ from .canonical import (
     with_parameter,
 )
 from .constraints import Constraints, Copied, tidy, turn_between
-from .rigid_motion import canonical_sign, matrix_of, multiply, quaternion_of
+from .rigid_motion import canonical_sign
 from .snap_axes import ROTATIONS
 
 THIN = 0.08

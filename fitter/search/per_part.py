@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
+from ...assembly.change_of_frame import rescale_rows
 from ...decomposition.region import region_from_mask
 from ...kernels.field.evaluate import cell_centres, union_at
 from ...kernels.field.points import from_grid_blocks, grid_blocks
@@ -30,7 +31,7 @@ from ..propose.candidates import fit_regions
 from ..refine.joint import refine
 from ..refine.refiner import REFINERS
 from ..regularise.constraints import Copied
-from ..regularise.rigid_motion import move_rows, rescale_rows
+from ..regularise.rigid_motion import move_rows
 from ..select.selection import prune
 from .multi_start import fit_target
 from .pareto import remove_down_to

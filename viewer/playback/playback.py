@@ -22,6 +22,7 @@ from ...assembly.history import History, HistoryRound
 from ...assembly.plain_json import number_at
 from ...assembly.primitive import Primitive
 from ...assembly.report import read_report
+from ...kernels.rotation import matrix_of
 from ...kernels.rows import BLEND, ROTATION, ROW, SHAPES, TRANSLATION
 
 Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
@@ -240,14 +241,9 @@ def matches(rows: np.ndarray, others: np.ndarray) -> tuple[list[tuple[int, int]]
 
 def _places(rows: np.ndarray) -> np.ndarray:
     """Centres and extents along the frame's axes, (k, 6) float64, of rows (k, ROW): the same however axes are named."""
-    from scipy.spatial.transform import Rotation
-
     # Large float32 numbers have no squares.
     wide = rows.astype(np.float64)
-    w, x, y, z = wide[:, ROTATION : ROTATION + 4].T
-    turns = (
-        Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix() if len(rows) else np.zeros((0, 3, 3))
-    )
+    turns = matrix_of(wide[:, ROTATION : ROTATION + 4])
     extents = np.einsum("kij,kj->ki", np.abs(turns), wide[:, SHAPES : SHAPES + 3])
     return np.concatenate([wide[:, TRANSLATION : TRANSLATION + 3], extents], axis=1)
 

@@ -8,7 +8,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from resfit.decomposition.region import Region, region_from_mask
-from resfit.fitter.propose.initial_primitives import STARTS, all_starts, quaternions
+from resfit.fitter.propose.initial_primitives import STARTS, all_starts
 from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
@@ -114,12 +114,3 @@ def test_points_without_a_grid_few_points_and_none() -> None:
     assert rows.shape == (0, ROW) and kinds == []
     rows, owner, kinds = all_starts([np.zeros((0, 3)), cube])
     assert set(owner.tolist()) == {1}
-
-
-def test_quaternions_undo_matrices() -> None:
-    turns = Rotation.random(50, random_state=3)
-    half = Rotation.from_rotvec(np.pi * np.eye(3))
-    for rotation in (turns, half, Rotation.identity(1)):
-        found = quaternions(rotation.as_matrix())
-        back = Rotation.from_quat(found[:, [1, 2, 3, 0]])
-        np.testing.assert_allclose(back.as_matrix(), rotation.as_matrix(), atol=1e-6)
