@@ -21,6 +21,7 @@ from ...kernels.field.points import from_grid_blocks, grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROTATION, SHAPES, empty_rows
 from ...kernels.runtime import launch as launching
+from ...shape.grid import intersection_over_union
 
 RESOLUTION = 96
 KINDS = ("tapered", "bent", "hollow", "ring", "mixed")
@@ -79,8 +80,7 @@ def recover(count: int, device: wp.Device, seed: int = 0) -> list[tuple[str, flo
             continue
         candidates = fit_regions([whole_region(grid)], grid, "superfrustum", ProposeConfig(), seed, device)
         found = grid_of(candidates.rows[:1], device) < 0
-        inside = grid < 0
-        results.append((kind, float((inside & found).sum() / (inside | found).sum())))
+        results.append((kind, intersection_over_union(found, grid < 0)))
     return results
 
 

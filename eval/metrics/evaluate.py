@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ...kernels.runtime.launch import choose_device
+from ...shape.grid import intersection_over_union
 from ...shape.target import Target, make_target
-from .assembly_metrics import RESOLUTION, intersection_over_union, target_occupancy
+from .assembly_metrics import RESOLUTION, target_occupancy
 from .features import POINT_COUNT, make_features
 from .prediction import Prediction, mesh_distance
 from .prediction_files import place, read_prediction

@@ -16,7 +16,7 @@ from ...assembly.change_of_frame import rows_in_frame
 from ...assembly.colors import palette_color, rgb
 from ...assembly.primitive import Primitive
 from ...assembly.surface import part_surface
-from ...assembly.transform import Transform
+from ...assembly.transform import Transform, up_axis
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.primitives import family
@@ -25,6 +25,7 @@ from ...kernels.render.mesh_scene import MeshScene
 from ...kernels.render.raytrace import CLAY, render, render_assembly, render_mesh
 from ...kernels.render.shading import to_linear
 from ...kernels.runtime.launch import choose_device
+from ...kernels.srgb import to_srgb
 from ...shape.load import load_mesh
 from ..batch.datasets import Shape
 from ..metrics.prediction_files import Source, read_prediction
@@ -41,7 +42,6 @@ RING = (24, 48)
 """Rings of a superquadric's mesh and points of a ring."""
 MAX_SHAPES = 24
 """More would make a picture that nobody can look at; of more, as many are taken evenly."""
-Z_UP = (".stl", ".3mf", ".off")
 """Formats of CAD, where z points up."""
 
 
@@ -94,8 +94,7 @@ def _panels(
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     frame = Transform.from_bounds(lower, upper)
     box = frame.to_normalised(np.stack([lower, upper]))
-    up = "z" if shape.path.suffix.lower() in Z_UP else "y"
-    camera = frame_bounds(box[0], box[1], up=up, aspect=PANEL[0] / PANEL[1])
+    camera = frame_bounds(box[0], box[1], up=up_axis(shape.path.name), aspect=PANEL[0] / PANEL[1])
     vertices = frame.to_normalised(mesh.vertices)
     panels: list[tuple[np.ndarray | None, str]] = [
         (render_mesh(vertices, mesh.faces, camera, *PANEL, samples=SAMPLES), shape.name)
@@ -200,7 +199,7 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     tints[:-1] = to_linear(part_colors(len(parts))) / to_linear(np.array(CLAY))
     tint = tints[np.where(face >= 0, part_of_face[np.maximum(face, 0)], -1)]
     light = np.clip(to_linear(clay / 255.0) * tint.reshape(height, width, 3), 0.0, 1.0)
-    shown = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    shown = to_srgb(light)
     blocks = shown.reshape(PANEL[1], SAMPLES, PANEL[0], SAMPLES, 3).mean(axis=(1, 3))
     return (blocks * 255.0 + 0.5).astype(np.uint8)
 
