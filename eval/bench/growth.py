@@ -173,7 +173,7 @@ def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float | None:
     return float(np.polyfit(across, down, 1)[0])
 
 
-def stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], list[float]]]:
+def _stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], list[float]]]:
     """Name, sizes and seconds of each stage, the whole fit at the end; of the sizes that were finished."""
     done = {size: row for size, row in rows.items() if row.status == "ok"}
     for name in dict.fromkeys(name for row in done.values() for name in row.stages):
@@ -181,7 +181,7 @@ def stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], l
     yield "all", list(done), [row.wall_s for row in done.values()]
 
 
-def target_seconds(row: FitRow) -> float:
+def _target_seconds(row: FitRow) -> float:
     """Wall seconds of reading the mesh and measuring it."""
     return sum(row.stages.get(name, 0.0) for name in TARGET)
 
@@ -206,12 +206,12 @@ def growth_tables(grown: Mapping[str, Mapping[int, FitRow]], picture: str | None
             continue
         names = [str(size) for size, row in rows.items() if row.status == "ok"]
         lines += [f"| {axis} | {' | '.join(names)} | p |", "|---" * (len(done) + 2) + "|"]
-        for name, sizes, seconds in stage_series(rows):
+        for name, sizes, seconds in _stage_series(rows):
             slope = exponent(sizes, seconds)
             shown = "" if slope is None else f"{slope:.2f}"
             lines.append(f"| {name} | {' | '.join(f'{value:.3f}' for value in seconds)} | {shown} |")
         for label, values in (
-            ("load to samples", [f"{target_seconds(row):.3f}" for row in done]),
+            ("load to samples", [f"{_target_seconds(row):.3f}" for row in done]),
             ("CPU s", [f"{row.cpu_s:.2f}" for row in done]),
             ("peak MB", [f"{row.peak_mb:.0f}" for row in done]),
             ("faces", [str(row.faces) for row in done]),
@@ -225,7 +225,7 @@ def chart(grown: Mapping[str, Mapping[int, FitRow]]) -> str:
     """An SVG with a panel for each axis: seconds of the stages against its size, both logarithmic."""
     panels = []
     for axis, rows in grown.items():
-        series = [(name, xs, ys) for name, xs, ys in stage_series(rows) if ys and max(ys) >= LEAST_SECONDS]
+        series = [(name, xs, ys) for name, xs, ys in _stage_series(rows) if ys and max(ys) >= LEAST_SECONDS]
         if series:
             panels.append((axis, series))
 

@@ -105,7 +105,7 @@ def _panels(
             continue
         numbers = f"IoU {row['iou']:.3f}, {row['primitive_count']} parts, {row['cpu_s']:.1f} CPU s"
         try:
-            image = render_prediction(read_prediction(out / row["prediction"]), frame, camera)
+            image = _render_prediction(read_prediction(out / row["prediction"]), frame, camera)
         except Exception as error:
             # The sheet is worth having without one of its pictures.
             image, numbers = None, str(error)
@@ -113,7 +113,7 @@ def _panels(
     return panels
 
 
-def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.ndarray:
+def _render_prediction(source: Source, frame: Transform, camera: Camera) -> np.ndarray:
     """Picture (height, width, 3) uint8 of a prediction, each primitive in its colour.
 
     Args:
@@ -122,19 +122,19 @@ def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.nd
         camera: in its normalised frame.
     """
     if not isinstance(source, Assembly):
-        return render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
+        return _render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
     names = [primitive.family for primitive in source.primitives]
     if any(family(name).approximate for name in names):
         # Marching along a field that is only roughly a distance takes ten times as long as showing meshes.
-        return render_parts([_shown(part, source, frame) for part in source.primitives], camera)
+        return _render_parts([_shown(part, source, frame) for part in source.primitives], camera)
     primitives = PrimitiveSet(rows_in_frame(source, frame), names, choose_device("cpu"))
-    return render_assembly(primitives, part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
+    return render_assembly(primitives, _part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
 
 
 def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
     """The surface of a part of an assembly, in the normalised frame."""
     if part.family == "superquadric":
-        vertices, faces = superquadric_mesh(
+        vertices, faces = _superquadric_mesh(
             *(np.ravel(part.parameters[name]) for name in ("size", "exponents"))
         )
     else:
@@ -143,7 +143,7 @@ def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
     return PartMesh(frame.to_normalised(assembly.transform.to_mesh(placed)), np.asarray(faces))
 
 
-def superquadric_mesh(size: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _superquadric_mesh(size: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) and faces (f, 3) of a superquadric from its two angles, in its local frame.
 
     Args:
@@ -173,12 +173,12 @@ def superquadric_mesh(size: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarr
     return vertices, np.concatenate([sides, bottoms, tops])
 
 
-def part_colors(count: int) -> np.ndarray:
+def _part_colors(count: int) -> np.ndarray:
     """Colours (count, 3), sRGB in [0, 1], the same for every method."""
     return np.array([rgb(palette_color(index)) for index in range(count)]).reshape(-1, 3)
 
 
-def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
+def _render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     """Picture (height, width, 3) uint8 of meshes: all of them in clay, then what is seen of each is coloured."""
     width, height = PANEL[0] * SAMPLES, PANEL[1] * SAMPLES
     if not parts:
@@ -188,7 +188,7 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     # The samples of a pixel share its soft light, though they are pixels here.
     scene = MeshScene(vertices, faces, CLAY, device, False, SAMPLES * SAMPLES)
     clay = render(scene, camera, width, height, 1, True)
-    origin, direction = pixel_rays(camera, width, height)
+    origin, direction = _pixel_rays(camera, width, height)
     query = MeshQuery(vertices, faces, device)
     begin = wp.array(np.ascontiguousarray(origin, np.float32), dtype=wp.vec3, device=device)
     way = wp.array(np.ascontiguousarray(direction, np.float32), dtype=wp.vec3, device=device)
@@ -196,7 +196,7 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     part_of_face = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
     # The last entry is for the background.
     tints = np.ones((len(parts) + 1, 3), np.float32)
-    tints[:-1] = to_linear(part_colors(len(parts))) / to_linear(np.array(CLAY))
+    tints[:-1] = to_linear(_part_colors(len(parts))) / to_linear(np.array(CLAY))
     tint = tints[np.where(face >= 0, part_of_face[np.maximum(face, 0)], -1)]
     light = np.clip(to_linear(clay / 255.0) * tint.reshape(height, width, 3), 0.0, 1.0)
     shown = to_srgb(light)
@@ -204,7 +204,7 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     return (blocks * 255.0 + 0.5).astype(np.uint8)
 
 
-def pixel_rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def _pixel_rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     """Origins and unit directions (width * height, 3) of rays through the pixels, row by row from the top."""
     right, up, forward = camera.axes
     scale = 2.0 * np.tan(np.radians(0.5 * camera.field_of_view)) / height

@@ -53,7 +53,7 @@ def all_starts(
     guesses = guesses.take(_expressible(guesses, entry))
     guesses = guesses.take(_place_in_group(guesses.region) < count)
     owners = np.array(present, np.int32)[guesses.region]
-    return hypothesis_rows(guesses, entry), owners, guesses.kind.tolist()
+    return _hypothesis_rows(guesses, entry), owners, guesses.kind.tolist()
 
 
 def _sample(region: Region | np.ndarray) -> np.ndarray:
@@ -96,7 +96,7 @@ def _expressible(guesses: Hypotheses, entry: Family) -> np.ndarray:
     return allowed
 
 
-def hypothesis_rows(guesses: Hypotheses, entry: Family) -> np.ndarray:
+def _hypothesis_rows(guesses: Hypotheses, entry: Family) -> np.ndarray:
     """Rows (g, ROW) float32 of hypotheses, every shape inside the family's fit range."""
     rows = empty_rows(len(guesses.region))
     names = {parameter.name for parameter in entry.parameters}

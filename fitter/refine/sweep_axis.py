@@ -44,7 +44,7 @@ def turned_copies(rows: np.ndarray) -> np.ndarray:
     return copies
 
 
-def gathered_gradient(copies_grad: np.ndarray) -> np.ndarray:
+def _gathered_gradient(copies_grad: np.ndarray) -> np.ndarray:
     """Gradient (primitive_count, ROW) to the primitives from that to their copies (primitive_count, 3, ROW)."""
     total = np.zeros((len(copies_grad), ROW))
     total[:, TRANSLATION : TRANSLATION + 3] = copies_grad[:, :, TRANSLATION : TRANSLATION + 3].sum(1)
@@ -111,7 +111,7 @@ class SweepAxes:
         asked = by_block(swept_grad.reshape(len(self._copies), -1))
         tape.backward(grads={values: wp.array(asked, dtype=float, device=self._copies.device)})
         assert self._copies.rows.grad is not None
-        total = gathered_gradient(self._copies.rows.grad.numpy().reshape(len(rows), 3, ROW))
+        total = _gathered_gradient(self._copies.rows.grad.numpy().reshape(len(rows), 3, ROW))
         tape.zero()
         total[:, BLEND] = blend_grad
         total[:, GATE] = (gated_grad * (mixed - 1.0)).sum(1)

@@ -51,13 +51,13 @@ def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) 
     entry = family(primitives.families[index])
     shape = row[0, SHAPES : SHAPES + SHAPE]
     theta = 0.0
-    if can_be_bent_afterwards(entry, shape):
+    if _can_be_bent_afterwards(entry, shape):
         theta = 0.5 * math.pi * parameter_value(entry, shape, "bulge", 0.0)
         shape[entry.columns("bulge")] = 0.0
     alone = PrimitiveSet(row, [entry.name], primitives.device)
     lower, upper = local_bounds(entry, shape)
     side = np.maximum(upper - lower, 1e-6)
-    cells = grid_cells(entry, shape, side, resolution)
+    cells = _grid_cells(entry, shape, side, resolution)
     spacing = side / cells
     origin = lower - BORDER * spacing
     counts = np.ceil(cells + 2 * BORDER).astype(int) + 1
@@ -66,11 +66,11 @@ def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) 
     samples = evaluate_assembly(alone, grid.reshape(-1, 3)).reshape(grid.shape[:3])
     vertices, faces = contour_samples(alone, samples, origin, spacing)
     if theta:
-        vertices = bend_points(vertices, 0.5 * max(float(shape[2]), 1e-6), theta)
+        vertices = _bend_points(vertices, 0.5 * max(float(shape[2]), 1e-6), theta)
     return (vertices @ turn.T + centre).astype(np.float32), faces
 
 
-def can_be_bent_afterwards(entry: Family, shape: np.ndarray) -> bool:
+def _can_be_bent_afterwards(entry: Family, shape: np.ndarray) -> bool:
     """Whether a primitive is bent, and its profile stays clear of the arc's centre, so that bending can be undone."""
     theta = 0.5 * math.pi * abs(parameter_value(entry, shape, "bulge", 0.0))
     if theta == 0.0:
@@ -81,7 +81,7 @@ def can_be_bent_afterwards(entry: Family, shape: np.ndarray) -> bool:
     return bool(local_bounds(entry, straight)[1][0] < 0.98 * radius)
 
 
-def bend_points(points: np.ndarray, half_height: float, theta: float) -> np.ndarray:
+def _bend_points(points: np.ndarray, half_height: float, theta: float) -> np.ndarray:
     """Bend straight points (n, 3): the inverse of `bend.straighten`.
 
     The axis from (0, -h) to (0, h) becomes an arc of half angle `theta`, its apex towards -x for theta above 0; what
@@ -98,7 +98,7 @@ def bend_points(points: np.ndarray, half_height: float, theta: float) -> np.ndar
     return np.stack([bent_x, y, bent_z], axis=1)
 
 
-def grid_cells(entry: Family, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
+def _grid_cells(entry: Family, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
     """Cells (3,) along the sides (3,) of a primitive's box: enough for its thinnest wall, within the limits."""
     size = np.maximum(shape[entry.columns("size")].astype(np.float64), 1e-6)
     dilation = parameter_value(entry, shape, "dilation", 0.0)

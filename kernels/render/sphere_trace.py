@@ -169,7 +169,7 @@ def darken_rays_kernel(
     out_live[i] = wp.where(light < 0.01 or t > out_end[r], 0, 1)
 
 
-def step_factor(primitives: PrimitiveSet) -> float:
+def _step_factor(primitives: PrimitiveSet) -> float:
     """Share of the field's value that is safe to step, but for places that backtracking takes care of."""
     factor = BENT_FACTOR if has_bent(primitives) else 1.0
     rows = primitives.rows_numpy()
@@ -197,7 +197,7 @@ def march_rays(primitives: PrimitiveSet, rays: Rays, box: Box, tolerance: float)
     before = wp.clone(distance)
     front = RayQueue(rays, live)
     field = wp.empty(padded_count(rays.count), dtype=float, device=device)
-    factor = step_factor(primitives)
+    factor = _step_factor(primitives)
     step_count = round(MAX_STEPS / factor)
     for step in range(step_count):
         if not front.count:
@@ -225,7 +225,7 @@ def march_light(primitives: PrimitiveSet, rays: Rays, box: Box, softness: float,
     _enter(rays, box, start, distance, end, live)
     front = RayQueue(rays, live)
     field = wp.empty(padded_count(rays.count), dtype=float, device=device)
-    factor = step_factor(primitives)
+    factor = _step_factor(primitives)
     for _ in range(SHADOW_STEPS):
         if not front.count:
             break

@@ -131,7 +131,7 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
                 )
                 for row, id in zip(parts.rows, parts.ids, strict=True)
             )  # fmt: skip
-            again = " · a new beginning" if number > 1 and begins_anew(entry) else ""
+            again = " · a new beginning" if number > 1 and _begins_anew(entry) else ""
             frame = Frame(
                 stage, number, f"Round {number} of {count}{again} · {TITLES[stage]}", detail,
                 Assembly(primitives, history.transform),
@@ -153,7 +153,7 @@ def final_frame(assembly: Assembly, rounds: int, iou: float | None, objective: f
     return Frame("final", rounds, "The result", detail, assembly)
 
 
-def begins_anew(entry: HistoryRound) -> bool:
+def _begins_anew(entry: HistoryRound) -> bool:
     """Whether a round begins without any part, as the first ones of a fit's tracks do."""
     return any(region.get("source") == FROM_NOTHING for region in entry.regions)
 
@@ -187,7 +187,7 @@ def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, 
     for entry in history.rounds:
         held = {row.tobytes() for row in entry.chosen}
         start = NOTHING
-        if not begins_anew(entry):
+        if not _begins_anew(entry):
             # Of equal ones the latest.
             start = max(reversed(earlier), key=lambda parts: len(held & set(parts.by_row())))
         known, ids = start.by_row(), []
