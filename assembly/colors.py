@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ..kernels.srgb import to_linear
+
 PALETTE = (
     "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#ee7733", "#009988",
     "#999933", "#332288", "#cc6677", "#88ccee", "#ddcc77", "#117733", "#882255", "#bbbbbb",
@@ -21,9 +23,5 @@ def rgb(color: str) -> tuple[float, float, float]:
 
 def linear_rgb(color: str) -> tuple[float, float, float]:
     """Red, green and blue of `#rrggbb`, each in [0, 1], linear light, as materials in glTF want them."""
-    red, green, blue = (_linear(value) for value in rgb(color))
+    red, green, blue = (float(to_linear(value)) for value in rgb(color))
     return red, green, blue
-
-
-def _linear(value: float) -> float:
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -19,6 +19,7 @@ import numpy as np
 from resfit.errors import AssemblyError
 
 from ..kernels.primitives import FAMILIES, Family, Parameter
+from ..kernels.rotation import matrix_of
 from ..kernels.rows import BLEND, ROTATION, ROW, SHAPES, TRANSLATION, empty_rows
 from .colors import PALETTE
 
@@ -54,14 +55,7 @@ class Pose:
 
     def matrix(self) -> np.ndarray:
         """The rotation as a matrix (3, 3) float64: world = matrix @ local + translation."""
-        w, x, y, z = np.asarray(self.rotation) / math.hypot(*self.rotation)
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return matrix_of(self.rotation)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,16 @@ from resfit.errors import AssemblyError, InputError
 NORMALISED_SIDE = 1.8
 """Longest side of the bounding box in the normalised frame: in [-1, 1]^3, with room around it."""
 
+Z_UP_SUFFIXES = (".stl", ".3mf", ".off", ".step", ".stp")
+"""Formats of CAD, where z points up; in glTF and most others it is y. Only pictures depend on it."""
+
 FAR_RADIUS = 1e4
 """From here the unit cube is a point to float32: seen from farther away it only gets more distant."""
+
+
+def up_axis(name: str) -> Literal["y", "z"]:
+    """The axis that points up in pictures, by the name of the input's file."""
+    return "z" if name.lower().endswith(Z_UP_SUFFIXES) else "y"
 
 
 @dataclass(frozen=True)

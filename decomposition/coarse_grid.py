@@ -49,7 +49,7 @@ class WorkingGrid:
         wide = tuple(slice(low, high) for low, high in zip(begin, end, strict=True))
         fine = tuple(slice(2 * low, 2 * high) for low, high in zip(begin, end, strict=True))
         part = np.pad(part, np.stack([lower - begin, end - lower - part.shape], axis=1))
-        mask = refine_mask(part, self.coarse[wide], self.residual.depth[fine] > 0.0)
+        mask = _refine_mask(part, self.coarse[wide], self.residual.depth[fine] > 0.0)
         residual = self.residual
         region = region_from_mask(mask, residual.lower + 2 * begin, residual.resolution, source)
         return region if region is not None and region.volume >= SMALLEST_VOLUME else None
@@ -77,7 +77,7 @@ def coarsen(residual: Residual) -> np.ndarray | None:
     return coarse if np.count_nonzero(kept) >= COARSE_SHARE * residual.volume else None
 
 
-def refine_mask(part: np.ndarray, coarse: np.ndarray, solid: np.ndarray) -> np.ndarray:
+def _refine_mask(part: np.ndarray, coarse: np.ndarray, solid: np.ndarray) -> np.ndarray:
     """The fine cells of a coarse part.
 
     Fine cells of the solid whose coarse cell is outside of it go with the coarse parts that their cell touches.

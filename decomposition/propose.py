@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,26 +10,9 @@ import warp as wp
 from .proposals import Proposal, Unexplained, proposals_for
 from .region import Region, without_duplicates
 from .residual import find_residual
-from .target_cells import TargetCells, target_cells
+from .target_cells import TargetCells
 
 MOST_REGIONS = 64
-
-
-def propose_regions(
-    grid: np.ndarray, explained: np.ndarray | None = None, *, most: int = MOST_REGIONS, **options: Any
-) -> list[Region]:
-    """Regions to fit primitives to: parts of what is unexplained, its connected components, at first all of it.
-
-    Args:
-        grid: (n, n, n) float32, signed distance of the target at the cell centres of [-1, 1]^3, negative inside.
-        explained: the same of the assembly so far, None if there is none.
-        most: regions at most; the largest are kept.
-        options: of `find_parts`.
-
-    Returns:
-        Regions of at least 12 cells, none nearly equal to another, largest first. Same input, same regions.
-    """
-    return largest_parts(find_parts(target_cells(grid), explained, most=most, **options), most)
 
 
 def find_parts(
@@ -43,11 +25,12 @@ def find_parts(
     most: int = MOST_REGIONS,
     seed: int = 0,
 ) -> list[Region]:
-    """What `propose_regions` picks from: regions of which some are alike, proposal by proposal.
+    """Regions to fit primitives to, proposal by proposal, some of them alike: parts of what is unexplained.
 
     Args:
         target: its cells.
-        explained: see there.
+        explained: (n, n, n) float32, signed distance of the assembly so far at the cell centres of [-1, 1]^3,
+            negative inside; None if there is none.
         first_round: whether to ask the proposals of a first round too.
         device: where distances are measured.
         proposals: those to ask; all that stand not alone unless given.

@@ -50,7 +50,7 @@ class Residual:
         box = tuple(slice(low, low + size) for low, size in zip(self.lower, self.cells.shape, strict=True))
         depth = self.target.grid[box] * np.float32(-0.5 * self.resolution)
         if self.explained is not None:
-            depth = unexplained_depth(depth, self.explained[box], self.resolution)
+            depth = _unexplained_depth(depth, self.explained[box], self.resolution)
         return np.ascontiguousarray(depth, np.float32)
 
     def region(self, places: np.ndarray, source: str) -> Region | None:
@@ -78,7 +78,7 @@ def find_residual(target: TargetCells, explained: np.ndarray | None = None) -> R
     """
     cells, lower, depth = target.cells, target.lower, target.depth
     if explained is not None:
-        depth = unexplained_depth(depth, explained.reshape(-1)[target.flat], target.resolution)
+        depth = _unexplained_depth(depth, explained.reshape(-1)[target.flat], target.resolution)
         left = np.flatnonzero(depth > 0.0)
         depth, index = depth[left], cells.at(left)
         if len(left):
@@ -88,7 +88,7 @@ def find_residual(target: TargetCells, explained: np.ndarray | None = None) -> R
     return Residual(target, explained, lower, cells, depth) if len(depth) else None
 
 
-def unexplained_depth(depth: np.ndarray, away: np.ndarray, resolution: int) -> np.ndarray:
+def _unexplained_depth(depth: np.ndarray, away: np.ndarray, resolution: int) -> np.ndarray:
     """Depth of cells as residual, from their depth in the target, in cells, and their distance from the assembly."""
     # An empty assembly is 1e30 away; nothing in the cube is further than 4.
     away = np.minimum(away, 4.0) * np.float32(0.5 * resolution)

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 from ..assembly.plain_json import at, number_at
 from ..assembly.report import read_report
+from ..assembly.transform import up_axis
 
 __all__ = ["at", "number_at", "read_report", "report_facts", "up_axis"]
-
-Z_UP_SUFFIXES = (".stl", ".3mf", ".off", ".step", ".stp")
-"""Formats of CAD, where z points up; in glTF and most others it is y. Only pictures depend on it."""
-
-
-def up_axis(name: str) -> Literal["y", "z"]:
-    """The axis that points up in pictures, by the name of the input's file."""
-    return "z" if name.lower().endswith(Z_UP_SUFFIXES) else "y"
 
 
 def report_facts(report: Mapping[str, Any]) -> list[str]:

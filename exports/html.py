@@ -94,9 +94,9 @@ def page_text(
         "transform": document["transform"],
         "primitives": document["primitives"],
         "provenance": provenance,
-        "families": {name: family_table(FAMILIES[name]) for name in names},
+        "families": {name: _family_table(FAMILIES[name]) for name in names},
         "combine": COMBINE_GLSL,
-        "shader": shader_text(names, count),
+        "shader": _shader_text(names, count),
         "mesh": None if mesh is None else mesh_table(mesh, assembly),
     }
     parts = {
@@ -127,7 +127,7 @@ def embedded(data: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def family_table(family: Family) -> dict[str, Any]:
+def _family_table(family: Family) -> dict[str, Any]:
     """What sliders need to know of a family; an open end of a range is None."""
     return {
         "glsl": family.glsl,
@@ -146,7 +146,7 @@ def family_table(family: Family) -> dict[str, Any]:
     }
 
 
-def shader_text(names: list[str], part_count: int) -> str:
+def _shader_text(names: list[str], part_count: int) -> str:
     """The fragment shader: the families' own texts, the choice between them, and the tracer."""
     cases = [f"  if (family == {index}) return sdf_{name}(p, s);" for index, name in enumerate(names)]
     return "\n".join(

@@ -136,7 +136,7 @@ class FitResult:
             with side_by_side(*jobs) as (made, given, *files):
                 with timed(timings, "preview"):
                     image = np.concatenate([given.result(), made.result()], axis=1)
-                    (temporary / "preview.png").write_bytes(png_bytes(image))
+                    (temporary / "preview.png").write_bytes(_png_bytes(image))
                 with timed(timings, "parts"):
                     for file in files:
                         file.result()
@@ -247,7 +247,7 @@ def describe_input(target: Target, name: str | os.PathLike[str] | None) -> Input
     )
 
 
-def png_bytes(image: np.ndarray) -> bytes:
+def _png_bytes(image: np.ndarray) -> bytes:
     """A picture (height, width, 3) uint8 as a PNG file."""
     from io import BytesIO
 

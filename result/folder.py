@@ -185,11 +185,11 @@ def _is_exchangeable(source: Path, folder: Path) -> bool:
 def _is_ours(path: Path) -> bool:
     """Whether an entry of a fit's folder is one that a fit writes."""
     if path.name == PARETO_FOLDER:
-        return path.is_dir() and all(is_of_curve(entry) for entry in path.iterdir())
+        return path.is_dir() and all(_is_of_curve(entry) for entry in path.iterdir())
     return path.name in (*OURS, *PARETO)
 
 
-def is_of_curve(path: Path) -> bool:
+def _is_of_curve(path: Path) -> bool:
     """Whether an entry of the trade-off's folder is one that a fit writes."""
     return path.match("assembly_*.json") and not path.is_dir()
 
@@ -247,7 +247,7 @@ def _remove(temporary: Path) -> None:
             return
         curve = temporary / PARETO_FOLDER
         for path in [*temporary.iterdir(), *(curve.iterdir() if curve.is_dir() else ())]:
-            if path.name in (*OURS, *PARETO, BEGUN) or is_temporary(path.name) or is_of_curve(path):
+            if path.name in (*OURS, *PARETO, BEGUN) or is_temporary(path.name) or _is_of_curve(path):
                 with suppress(OSError):
                     path.unlink()
         with suppress(OSError):

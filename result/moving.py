@@ -12,7 +12,7 @@ import numpy as np
 from resfit.clock import Clock
 
 from ..assembly.assembly import Assembly
-from ..eval.metrics.prediction import rows_in_frame
+from ..assembly.change_of_frame import rows_in_frame
 from ..fitter.config import FitConfig
 from ..fitter.progress import Progress
 from ..fitter.refine.chamfer import move_assembly

@@ -7,21 +7,20 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..assembly.assembly import Assembly
 from ..assembly.atomic_write import write_bytes
 from ..assembly.colors import palette_color
 from ..eval.metrics.assembly_metrics import measure_cheap, measure_deviation
+from ..eval.report.figure import svg_plot
 from ..fitter.config import FitConfig
 from ..fitter.search.pareto import Cut, rising
 from ..shape.target import Target
 
-SIZE, MARGIN = (560.0, 320.0), (64.0, 28.0, 20.0, 48.0)
-"""Of the plot, in pixels; its room on the left, top, right and bottom."""
-
-INK, FAINT, LINE = "#1e2228", "#6e747c", "#d9dce0"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -107,39 +106,26 @@ def _assembly_of(cut: Cut, config: FitConfig, chosen: Assembly) -> Assembly:
 
 def draw(points: Sequence[Point]) -> str:
     """IoU and worth against the number of parts, as SVG; the chosen one is marked."""
-    left, top, right, bottom = MARGIN
-    width, height = SIZE[0] - left - right, SIZE[1] - top - bottom
-    most = max(point.count for point in points)
 
-    def place(count: float, value: float) -> tuple[float, float]:
-        return left + width * count / most, top + height * (1.0 - min(max(value, 0.0), 1.0))
+    from matplotlib.ticker import MaxNLocator
 
-    body = []
-    for step in range(6):
-        _, y = place(0, step / 5)
-        body.append(f'<path d="M{left:.1f} {y:.1f}h{width:.1f}" stroke="{LINE}"/>')
-        body.append(_text(left - 8, y + 4, f"{step / 5:.1f}", "end", FAINT))
-    for count in range(0, most + 1, max(1, -(-most // 8))):
-        x, y = place(count, 0.0)
-        body.append(_text(x, y + 18, str(count), "middle", FAINT))
-    body.append(_text(left + width / 2, SIZE[1] - 10, "parts", "middle", INK))
-    for number, (label, values) in enumerate(
-        (("IoU", [point.iou for point in points]), ("worth", [point.worth for point in points]))
-    ):
-        color = palette_color(number)
-        spots = [place(point.count, value) for point, value in zip(points, values, strict=True)]
-        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in spots)
-        body.append(f'<polyline points="{line}" fill="none" stroke="{color}" stroke-width="2"/>')
-        for point, (x, y) in zip(points, spots, strict=True):
-            if point.chosen:
-                body.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{color}"/>')
-        body.append(_text(left + 12 + 80 * number, top - 10, label, "start", color))
-    inside = "".join(body)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SIZE[0]:g}" height="{SIZE[1]:g}"'
-        f' font-family="sans-serif" font-size="12"><rect width="100%" height="100%" fill="#fff"/>{inside}</svg>\n'
-    )
+    def fill(panels: Sequence[Axes]) -> None:
+        axes = panels[0]
+        axes.set(xlabel="parts", ylim=(0.0, 1.0))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        counts, chosen = [point.count for point in points], [point.chosen for point in points].index(True)
+        for number, (label, values) in enumerate(
+            (("IoU", [point.iou for point in points]), ("worth", [point.worth for point in points]))
+        ):
+            axes.plot(
+                counts,
+                values,
+                "-o",
+                color=palette_color(number),
+                label=label,
+                markevery=[chosen],
+                clip_on=False,
+            )
+        axes.set_xlim(left=0.0)
 
-
-def _text(x: float, y: float, text: str, anchor: str, color: str) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{color}">{escape(text)}</text>'
+    return svg_plot(1, fill, panel=(5.0, 3.4))

@@ -47,11 +47,26 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: in
         (count, 3) float32, in the order of the faces.
     """
     rng = np.random.default_rng(seed)
+    shares = (np.arange(count) + rng.uniform(size=count)) / max(count, 1)
+    return surface_points(vertices, faces, shares, *rng.uniform(size=(2, count)))[0]
+
+
+def surface_points(
+    vertices: np.ndarray, faces: np.ndarray, shares: np.ndarray, u: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points on a triangle mesh by shares of its area.
+
+    Args:
+        vertices, faces: (v, 3) and (f, 3), f > 0.
+        shares: (n,) in [0, 1], of the area of the faces up to the point's.
+        u, v: (n,) in [0, 1], where in its face each point lies.
+
+    Returns:
+        (n, 3) float32, and (n,) the face of each.
+    """
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     edges = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    places = (np.arange(count) + rng.uniform(size=count)) * (edges[-1] / max(count, 1))
-    face = np.minimum(np.searchsorted(edges, places), len(faces) - 1)
-    u, v = rng.uniform(size=(2, count, 1))
+    face = np.minimum(np.searchsorted(edges, shares * edges[-1], side="right"), len(faces) - 1)
     over = u + v > 1.0
-    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    return (a[face] + u * (b - a)[face] + v * (c - a)[face]).astype(np.float32)
+    u, v = np.where(over, 1.0 - u, u)[:, None], np.where(over, 1.0 - v, v)[:, None]
+    return (a[face] + u * (b - a)[face] + v * (c - a)[face]).astype(np.float32), face

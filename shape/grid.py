@@ -33,3 +33,8 @@ def distance_grid(query: SolidQuery, resolution: int) -> np.ndarray:
         sheet = unsigned_distance_grid(query.sheets, resolution).numpy()
         np.minimum(distance, sheet - np.float32(0.5 * query.solid.thickness), out=distance)
     return distance
+
+
+def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
+    """IoU of two solids, boolean arrays of one shape that say where each is; 0 where both are empty."""
+    return float(np.count_nonzero(a & b) / max(1, np.count_nonzero(a | b)))

@@ -160,7 +160,6 @@ def _weld(
     return LoadedMesh(
         welded[used],
         inverse.reshape(-1, 3).astype(np.int64),
-        source,
         tuple(named),
         digest,
         (*notes, *([left_out] if left_out else []), *more),

@@ -26,8 +26,6 @@ class LoadedMesh:
     """(n, 3), mesh units; each is used by a face."""
     faces: npt.NDArray[np.int64]
     """(m, 3), m > 0, in the order of the input."""
-    source_faces: npt.NDArray[np.int64]
-    """(m,) index of each face among the triangles of the input, before any were dropped."""
     parts: tuple[Part, ...]
     sha256: str
     """Of the file's bytes; of vertices and faces, if the mesh came as an object."""

@@ -40,7 +40,7 @@ def _pickled_mesh(path: str) -> bytes:
     try:
         from .load import load_mesh
 
-        allowed = limit_memory(int(MEMORY_SHARE * machine_memory()))
+        allowed = _limit_memory(int(MEMORY_SHARE * machine_memory()))
         return pickle.dumps(load_mesh(path), protocol=pickle.HIGHEST_PROTOCOL)
     except InputError as error:
         found = error
@@ -68,7 +68,7 @@ def machine_memory() -> int:
     return min(limits, default=0)
 
 
-def limit_memory(allowance: int) -> int:
+def _limit_memory(allowance: int) -> int:
     """Let this process have so many bytes more than it has now; returns how many it may have, 0 for no limit.
 
     Addresses are counted, of which libraries reserve many that they never use: hence those of now do not count.

@@ -43,7 +43,7 @@ def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: 
         device: where to compute.
     """
     bodies = sort_bodies(vertices, faces, device)
-    verdict, flooded, turned = judge_patches(vertices, bodies, device)
+    verdict, flooded, turned = _judge_patches(vertices, bodies, device)
     faces = np.where(turned[:, None], bodies.faces[:, ::-1], bodies.faces)
     winds = bodies.closed | (bodies.open & (verdict == BOUNDARY))
     sheets = faces[bodies.walls | (bodies.open & (verdict == SHEET))]
@@ -62,7 +62,7 @@ def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: 
         "", "", vertices.astype(np.float32), final,
         final if boundary is winding else boundary.astype(np.int32), source, np.zeros((0, 3), np.int32), 0.0,
     )  # fmt: skip
-    seen = drop_decals(SolidQuery(solid, device, query), sheets.astype(np.int32))
+    seen = _drop_decals(SolidQuery(solid, device, query), sheets.astype(np.int32))
     thickness = SHEET_THICKNESS if len(seen) else 0.0
     findings = Findings(
         bodies=body_count,
@@ -88,7 +88,7 @@ def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: 
     return SolidQuery(solid, device, query)
 
 
-def judge_patches(
+def _judge_patches(
     vertices: np.ndarray, bodies: Bodies, device: wp.Device
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """For each face: its patch's verdict, whether the flood decided it, whether it is to be turned over; (m,) each.
@@ -158,7 +158,7 @@ def _winds(
     return result
 
 
-def drop_decals(query: SolidQuery, sheets: np.ndarray) -> np.ndarray:
+def _drop_decals(query: SolidQuery, sheets: np.ndarray) -> np.ndarray:
     """Those of the sheets' faces (s, 3) that are not within the solid or drawn on its surface."""
     if not len(sheets) or query.winding is None:
         return sheets

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from resfit.decomposition.propose import find_parts, largest_parts
 from resfit.decomposition.region import Region
+from resfit.decomposition.target_cells import target_cells
 
 
 def cells(resolution: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -40,3 +44,10 @@ def paint(region: Region) -> np.ndarray:
 
 def share(a: np.ndarray, b: np.ndarray) -> float:
     return float((a & b).sum() / (a | b).sum())
+
+
+def propose_regions(
+    solid: np.ndarray, explained: np.ndarray | None = None, *, most: int = 64, **options: Any
+) -> list[Region]:
+    """What a round would fit primitives to, of a grid (n, n, n) of signed distances."""
+    return largest_parts(find_parts(target_cells(solid), explained, most=most, **options), most)

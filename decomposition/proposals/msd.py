@@ -78,15 +78,15 @@ def peel(
         core = deepest_core(cells, left, volume)
         if core is None:
             break
-        part = grow_back(cells, left, core.places, core.threshold, device)
+        part = _grow_back(cells, left, core.places, core.threshold, device)
         deepest = float(left[part].max())
         if deepest > 0.5 or deepest >= OWN_DEPTH * float(depth[part].max()):
             parts.append(part)
-        take_away(cells, left, part, device)
+        _take_away(cells, left, part, device)
     return parts
 
 
-def grow_back(
+def _grow_back(
     cells: CellSet, left: np.ndarray, core: np.ndarray, radius: float, device: wp.Device
 ) -> np.ndarray:
     """Dilate a core within what is left of its solid.
@@ -119,7 +119,7 @@ def grow_back(
     return near[held]
 
 
-def take_away(cells: CellSet, left: np.ndarray, part: np.ndarray, device: wp.Device) -> None:
+def _take_away(cells: CellSet, left: np.ndarray, part: np.ndarray, device: wp.Device) -> None:
     """Remove a part from a solid: nothing is deeper than its distance to what was removed.
 
     Args:

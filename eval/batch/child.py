@@ -46,11 +46,11 @@ class ChildRun:
         ours = [line.removeprefix("resfit: ") for line in lines if line.startswith("resfit: ")]
         said = (ours or lines or [""])[-1][:300]
         if self.exit_code < 0:
-            return f"it crashed ({signal_name(-self.exit_code)})" + (f": {said}" if said else "")
+            return f"it crashed ({_signal_name(-self.exit_code)})" + (f": {said}" if said else "")
         return said or f"it ended with exit code {self.exit_code} and said nothing"
 
 
-def signal_name(number: int) -> str:
+def _signal_name(number: int) -> str:
     """SIGSEGV for 11."""
     try:
         return signal.Signals(number).name

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -156,20 +157,22 @@ def _warm_up(device: str) -> float:
         return 0.0
 
 
+def written_rows(path: Path) -> Iterator[dict[str, Any]]:
+    """The rows of a file of JSON lines, none if it does not exist."""
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        # The line that was being written when a run was killed is none.
+        with suppress(ValueError):
+            yield json.loads(line)
+
+
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
     """Finished rows by their key, and by that of their fit; the last one of a key counts."""
     rows = {}
-    if path.exists():
-        for line in path.read_text(encoding="utf-8").splitlines():
-            try:
-                row = json.loads(line)
-            except ValueError:
-                # The line that was being written when a run was killed.
-                continue
-            if row["exit_code"] != USAGE:
-                rows[row["key"]] = row
-                if row["status"] == "ok":
-                    rows[row["fit_key"]] = row
+    for row in written_rows(path):
+        if row["exit_code"] != USAGE:
+            rows[row["key"]] = row
+            if row["status"] == "ok":
+                rows[row["fit_key"]] = row
     return rows
 
 

@@ -24,7 +24,7 @@ from .harness import cores, cpu_model
 NEW_CACHE = "import os, sys; os.environ['WARP_CACHE_PATH'] = sys.argv[2]; "
 
 
-def compile_kernels(device: str, cold: bool) -> float | None:
+def _compile_kernels(device: str, cold: bool) -> float | None:
     """Fill the kernel cache, so that no run is charged for it; seconds of compiling all into a new one, if `cold`."""
     run_measured(python_command("-c", compare.WARM, device))
     if not cold:
@@ -72,10 +72,10 @@ def markdown_page(rows: Sequence[FitRow], preset: str, machine: str, compiled: f
             f" | {row.peak_mb:.0f} | {row.load_kernels_s:.2f}"
         )
         lines.append(f"| {row.name} | {figures if row.status == 'ok' else row.status + ' |' * 7} |")
-    return "\n".join([*lines, *stage_lines(done)]) + "\n"
+    return "\n".join([*lines, *_stage_lines(done)]) + "\n"
 
 
-def stage_lines(rows: Sequence[FitRow]) -> list[str]:
+def _stage_lines(rows: Sequence[FitRow]) -> list[str]:
     """The table of the stages: median and most over the meshes, and the share of all time."""
     if not rows:
         return []
@@ -130,7 +130,7 @@ def run_fit_bench(
         All rows.
     """
     options = {"preset": preset, "device": device}
-    compiled = compile_kernels(device, cold)
+    compiled = _compile_kernels(device, cold)
     with as_file(files("resfit.data")) as bundled:
         shapes = find_shapes(meshes) or [Shape(path, path.stem) for path in find_meshes([Path(bundled)])]
         rows = []

@@ -87,7 +87,7 @@ class FitRow:
     """Wall seconds on one core, 0 unless measured."""
 
 
-def fit_once(mesh: Path, options: Mapping[str, Any], timeout: float | None = None) -> FitRow:
+def _fit_once(mesh: Path, options: Mapping[str, Any], timeout: float | None = None) -> FitRow:
     """Fit a mesh in a process of its own.
 
     Args:
@@ -165,7 +165,7 @@ def measure_fit(
     """Medians over some runs of the same fit; a run that fails ends it."""
     runs: list[FitRow] = []
     for _ in range(repeats):
-        runs.append(fit_once(mesh, options, timeout))
+        runs.append(_fit_once(mesh, options, timeout))
         if runs[-1].status != "ok":
             return runs[-1]
     names = list(dict.fromkeys(name for run in runs for name in run.stages))

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -19,8 +19,11 @@ import trimesh
 from resfit.errors import InputError
 
 from ...assembly.colors import PALETTE, palette_color
-from ..report.plot import BOTTOM, FAINT, GAP, INK, LINE, PANEL, TOP, Scale, _line, _text
+from ..report.figure import INK, logarithmic, svg_plot
 from .fit_runs import STAGES, TARGET, FitRow, measure_fit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FEW: dict[str, tuple[int, ...]] = {
     "faces": (1024, 16_384, 262_144),
@@ -44,8 +47,6 @@ LEAST_SECONDS = 0.03
 """A stage that never takes this long has no exponent and no line in the chart: it would be noise."""
 SHORTEST = 0.1 * LEAST_SECONDS
 """What took less is not counted for an exponent, and drawn at this height: the stage was skipped there."""
-LEGEND = 120.0
-"""Room for the names of the stages, right of the panels, in pixels."""
 
 
 def read_sizes(text: str) -> dict[str, tuple[int, ...]]:
@@ -172,7 +173,7 @@ def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float | None:
     return float(np.polyfit(across, down, 1)[0])
 
 
-def stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], list[float]]]:
+def _stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], list[float]]]:
     """Name, sizes and seconds of each stage, the whole fit at the end; of the sizes that were finished."""
     done = {size: row for size, row in rows.items() if row.status == "ok"}
     for name in dict.fromkeys(name for row in done.values() for name in row.stages):
@@ -180,7 +181,7 @@ def stage_series(rows: Mapping[int, FitRow]) -> Iterator[tuple[str, list[int], l
     yield "all", list(done), [row.wall_s for row in done.values()]
 
 
-def target_seconds(row: FitRow) -> float:
+def _target_seconds(row: FitRow) -> float:
     """Wall seconds of reading the mesh and measuring it."""
     return sum(row.stages.get(name, 0.0) for name in TARGET)
 
@@ -205,12 +206,12 @@ def growth_tables(grown: Mapping[str, Mapping[int, FitRow]], picture: str | None
             continue
         names = [str(size) for size, row in rows.items() if row.status == "ok"]
         lines += [f"| {axis} | {' | '.join(names)} | p |", "|---" * (len(done) + 2) + "|"]
-        for name, sizes, seconds in stage_series(rows):
+        for name, sizes, seconds in _stage_series(rows):
             slope = exponent(sizes, seconds)
             shown = "" if slope is None else f"{slope:.2f}"
             lines.append(f"| {name} | {' | '.join(f'{value:.3f}' for value in seconds)} | {shown} |")
         for label, values in (
-            ("load to samples", [f"{target_seconds(row):.3f}" for row in done]),
+            ("load to samples", [f"{_target_seconds(row):.3f}" for row in done]),
             ("CPU s", [f"{row.cpu_s:.2f}" for row in done]),
             ("peak MB", [f"{row.peak_mb:.0f}" for row in done]),
             ("faces", [str(row.faces) for row in done]),
@@ -224,65 +225,33 @@ def chart(grown: Mapping[str, Mapping[int, FitRow]]) -> str:
     """An SVG with a panel for each axis: seconds of the stages against its size, both logarithmic."""
     panels = []
     for axis, rows in grown.items():
-        series = [(name, xs, ys) for name, xs, ys in stage_series(rows) if ys and max(ys) >= LEAST_SECONDS]
+        series = [(name, xs, ys) for name, xs, ys in _stage_series(rows) if ys and max(ys) >= LEAST_SECONDS]
         if series:
             panels.append((axis, series))
-    width = len(panels) * (PANEL[0] + GAP) + LEGEND
-    height = TOP + PANEL[1] + BOTTOM
-    body = [_text(GAP, 20, "Wall seconds of the stages of a fit", "start", FAINT)]
-    for index, (axis, series) in enumerate(panels):
-        body += _panel(GAP + index * (PANEL[0] + GAP), LABELS[axis], series)
-    shown = {name for _, series in panels for name, _, _ in series}
-    for line, name in enumerate(name for name in (*STAGES, "snap", "all") if name in shown):
-        x, y = len(panels) * (PANEL[0] + GAP) + 14.0, TOP + 12.0 + 14.0 * line
-        body.append(_polyline([(x, y - 4.0), (x + 18.0, y - 4.0)], name))
-        body.append(_text(x + 24.0, y, name, "start", color_of(name)))
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
-        f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="Helvetica, Arial, sans-serif" font-size="12">\n'
-        f'<rect width="100%" height="100%" fill="#ffffff"/>\n' + "\n".join(body) + "\n</svg>\n"
-    )
+
+    def draw(places: Sequence[Axes]) -> None:
+        for axes, (axis, series) in zip(places, panels, strict=True):
+            axes.set_xlabel(LABELS[axis])
+            for name, xs, ys in series:
+                axes.plot(xs, np.maximum(ys, SHORTEST), label=name, **_look(name))
+            logarithmic(axes, "x")
+            logarithmic(axes, "y")
+            sizes = sorted({size for _, xs, _ in series for size in xs})
+            axes.set_xticks(sizes, [_short(size) for size in sizes])
+
+    return svg_plot(len(panels), draw, "Wall seconds of the stages of a fit")
 
 
-def color_of(stage: str) -> str:
-    """The colour of a stage, the same in every panel; ink for the whole."""
-    return palette_color(list(STAGES).index(stage)) if stage in STAGES else INK
-
-
-def _panel(left: float, label: str, series: Sequence[tuple[str, list[int], list[float]]]) -> list[str]:
-    right, top, bottom = left + PANEL[0], TOP, TOP + PANEL[1]
-    across = Scale.around([float(size) for _, sizes, _ in series for size in sizes], left, right, True)
-    down = Scale.around(
-        [max(value, SHORTEST) for _, _, values in series for value in values], bottom, top, True
-    )
-    body = []
-    for value in down.ticks():
-        body.append(_line(left, down(value), right, down(value), LINE))
-        body.append(_text(left - 6, down(value) + 4, f"{value:g}", "end", FAINT))
-    for value in sorted({size for _, sizes, _ in series for size in sizes}):
-        body.append(_line(across(value), top, across(value), bottom, LINE))
-        body.append(_text(across(value), bottom + 16, _short(value), "middle", FAINT))
-    body += [_line(left, bottom, right, bottom, INK), _line(left, top, left, bottom, INK)]
-    body.append(_text((left + right) / 2, bottom + 38, label, "middle"))
-    for name, sizes, values in series:
-        places = [
-            (across(size), down(max(value, SHORTEST))) for size, value in zip(sizes, values, strict=True)
-        ]
-        color = color_of(name)
-        body.append(_polyline(places, name))
-        body += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{color}"/>' for x, y in places]
-    return body
-
-
-def _polyline(places: Sequence[tuple[float, float]], stage: str) -> str:
-    """A line through places (x, y) in pixels, as this stage is drawn everywhere."""
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-    # The palette has fewer colours than there are stages.
-    look = ' stroke-dasharray="4 3"' if stage in list(STAGES)[len(PALETTE) :] else ""
-    thick = 2.5 if stage == "all" else 1.5
-    return (
-        f'<polyline points="{points}" fill="none" stroke="{color_of(stage)}" stroke-width="{thick}"{look}/>'
-    )
+def _look(stage: str) -> dict[str, Any]:
+    """Colour and line of a stage, the same in every panel; the palette has fewer colours than there are stages."""
+    number = list(STAGES).index(stage) if stage in STAGES else -1
+    return {
+        "color": palette_color(number) if number >= 0 else INK,
+        "linestyle": "--" if number >= len(PALETTE) else "-",
+        "linewidth": 2.0 if stage == "all" else 1.2,
+        "marker": "o",
+        "markersize": 3.0,
+    }
 
 
 def _short(size: int) -> str:

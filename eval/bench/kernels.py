@@ -35,7 +35,7 @@ from .scaling import measure_peak, measure_scaling, scaling_table
 from .workload import measure_steps, say_row, workload_table
 
 
-def family_workloads(device: wp.Device) -> Iterator[Workload]:
+def _family_workloads(device: wp.Device) -> Iterator[Workload]:
     """Each family forward, and backward: all derivatives at every point, weighted and summed."""
     points = scene_points(POINTS, device, "random")
     scene = f"{PRIMITIVES} primitives x {POINTS} points"
@@ -64,7 +64,7 @@ def family_workloads(device: wp.Device) -> Iterator[Workload]:
         )
 
 
-def union_workloads(device: wp.Device) -> Iterator[Workload]:
+def _union_workloads(device: wp.Device) -> Iterator[Workload]:
     """The smooth union of 24 SuperFrusta in its forms; an evaluation is a point."""
     families = [DEFAULT_FAMILY] * PRIMITIVES
     primitives = PrimitiveSet(scene_rows(DEFAULT_FAMILY), families, device, requires_grad=True)
@@ -107,7 +107,7 @@ def union_workloads(device: wp.Device) -> Iterator[Workload]:
     )
 
 
-def normal_equations_workload(device: wp.Device) -> Workload:
+def _normal_equations_workload(device: wp.Device) -> Workload:
     """Systems of 20 primitives over 24k points, each point with one owner."""
     rng = np.random.default_rng(2)
     count, primitive_count = 24_000, 20
@@ -148,7 +148,7 @@ def messy_mesh() -> tuple[np.ndarray, np.ndarray]:
     return vertices, faces[np.random.default_rng(3).uniform(size=len(faces)) > 0.05]
 
 
-def grid_workloads(device: wp.Device) -> Iterator[Workload]:
+def _grid_workloads(device: wp.Device) -> Iterator[Workload]:
     """Distance transform and mesh distance on 128^3 cell centres; an evaluation is a cell."""
     cells = 128**3
     query = MeshQuery(*closed_mesh(), device)
@@ -174,10 +174,10 @@ def grid_workloads(device: wp.Device) -> Iterator[Workload]:
 
 def workloads(device: wp.Device) -> Iterator[Workload]:
     """Everything that is measured, made one after the other."""
-    yield from family_workloads(device)
-    yield from union_workloads(device)
-    yield normal_equations_workload(device)
-    yield from grid_workloads(device)
+    yield from _family_workloads(device)
+    yield from _union_workloads(device)
+    yield _normal_equations_workload(device)
+    yield from _grid_workloads(device)
 
 
 def markdown_table(rows: list[Row], machine: str) -> str:

@@ -21,6 +21,7 @@ from ...kernels.field.points import from_grid_blocks, grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import ROTATION, SHAPES, empty_rows
 from ...kernels.runtime import launch as launching
+from ...shape.grid import intersection_over_union
 
 RESOLUTION = 96
 KINDS = ("tapered", "bent", "hollow", "ring", "mixed")
@@ -28,7 +29,7 @@ SMALLEST = 400
 """Cells that a primitive of the set fills at least."""
 
 
-def random_primitive(kind: str, rng: np.random.Generator) -> np.ndarray:
+def _random_primitive(kind: str, rng: np.random.Generator) -> np.ndarray:
     """One row of the given kind, about the middle of [-1, 1]^3, walls of three cells or more."""
     rows = empty_rows(1)
     turn = rng.normal(size=4)
@@ -52,14 +53,14 @@ def random_primitive(kind: str, rng: np.random.Generator) -> np.ndarray:
     return rows
 
 
-def grid_of(rows: np.ndarray, device: wp.Device) -> np.ndarray:
+def _grid_of(rows: np.ndarray, device: wp.Device) -> np.ndarray:
     """Signed distances (RESOLUTION,) * 3 of a row at the cell centres of [-1, 1]^3."""
     shape, lower, spacing = cell_centres(RESOLUTION)
     field = union_at(PrimitiveSet(rows, ["superfrustum"], device), grid_blocks(shape, lower, spacing, device))
     return from_grid_blocks(field.numpy(), shape)
 
 
-def whole_region(grid: np.ndarray) -> Region:
+def _whole_region(grid: np.ndarray) -> Region:
     """All inside cells as one region."""
     inside = grid < 0
     index = np.argwhere(inside)
@@ -74,13 +75,12 @@ def recover(count: int, device: wp.Device, seed: int = 0) -> list[tuple[str, flo
     results = []
     while len(results) < count:
         kind = KINDS[len(results) % len(KINDS)]
-        grid = grid_of(random_primitive(kind, rng), device)
+        grid = _grid_of(_random_primitive(kind, rng), device)
         if (grid < 0).sum() < SMALLEST:
             continue
-        candidates = fit_regions([whole_region(grid)], grid, "superfrustum", ProposeConfig(), seed, device)
-        found = grid_of(candidates.rows[:1], device) < 0
-        inside = grid < 0
-        results.append((kind, float((inside & found).sum() / (inside | found).sum())))
+        candidates = fit_regions([_whole_region(grid)], grid, "superfrustum", ProposeConfig(), seed, device)
+        found = _grid_of(candidates.rows[:1], device) < 0
+        results.append((kind, intersection_over_union(found, grid < 0)))
     return results
 
 

@@ -60,7 +60,7 @@ class PeakRow:
         return self.operations / self.ns / self.peak_gflops
 
 
-def small_primitives(count: int, device: wp.Device) -> PrimitiveSet:
+def _small_primitives(count: int, device: wp.Device) -> PrimitiveSet:
     """`count` SuperFrusta that fill about the same volume whatever their number."""
     rows = scene_rows("superfrustum", count)
     size = float(np.clip(0.35 * (8.0 / count) ** (1.0 / 3.0), SMALLEST, LARGEST))
@@ -95,11 +95,11 @@ def _rows(device: wp.Device, counts: Sequence[int], sizes: Sequence[int]) -> Ite
     for size in sizes:
         points = scene_points(size, device)
         for count in counts:
-            primitives = small_primitives(count, device)
-            culled = measure(Workload("culled", "", count * size, culled_work(primitives, points)), device)
+            primitives = _small_primitives(count, device)
+            culled = measure(Workload("culled", "", count * size, _culled_work(primitives, points)), device)
             dense = None
             if count * size <= MOST:
-                dense = measure(Workload("dense", "", count * size, dense_work(primitives, points)), device)
+                dense = measure(Workload("dense", "", count * size, _dense_work(primitives, points)), device)
             yield ScalingRow(
                 count,
                 size,
@@ -110,13 +110,13 @@ def _rows(device: wp.Device, counts: Sequence[int], sizes: Sequence[int]) -> Ite
             )
 
 
-def culled_work(primitives: PrimitiveSet, points: PointBlocks) -> Callable[[], object]:
+def _culled_work(primitives: PrimitiveSet, points: PointBlocks) -> Callable[[], object]:
     """The union at all points, lists made anew each time."""
     field = wp.empty(points.x.shape[0], dtype=float, device=points.device)
     return lambda: union_at(primitives, points, lists=cull(primitives, points), out_field=field)
 
 
-def dense_work(primitives: PrimitiveSet, points: PointBlocks) -> Callable[[], object]:
+def _dense_work(primitives: PrimitiveSet, points: PointBlocks) -> Callable[[], object]:
     """Every primitive at every point."""
     values = wp.empty(len(primitives) * points.x.shape[0], dtype=float, device=points.device)
     return lambda: primitives_at(primitives, points, values)

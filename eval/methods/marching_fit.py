@@ -94,7 +94,7 @@ def fit_level(
     Returns:
         Rows (len(regions), ROW) float32.
     """
-    cells = [sample_cells(region, grid, explained, config, rng) for region in regions]
+    cells = [_sample_cells(region, grid, explained, config, rng) for region in regions]
     starts = [region_candidates(region, len(grid)) for region in regions]
     rows, readers = np.concatenate(starts), np.repeat(np.arange(len(regions)), [len(s) for s in starts])
     rows = _search(rows, readers, cells, len(grid), config, device)
@@ -105,7 +105,7 @@ def fit_level(
     return rows[order[np.searchsorted(readers[order], np.arange(len(regions)))]]
 
 
-def sample_cells(
+def _sample_cells(
     region: LevelRegion,
     grid: np.ndarray,
     explained: np.ndarray,

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...decomposition.region import label_components, true_box
-from ...fitter.propose.initial_primitives import quaternions
+from ...kernels.rotation import quaternion_of
 from ...kernels.rows import ROTATION, SHAPES, TRANSLATION, empty_rows
 
 START_EXPONENTS = (1.0, 1.0)
@@ -91,7 +91,7 @@ def region_candidates(region: LevelRegion, resolution: int) -> np.ndarray:
         for turn, order in enumerate(((0, 1, 2), (1, 2, 0), (2, 0, 1))):
             row = rows[3 * number + turn]
             row[TRANSLATION : TRANSLATION + 3] = centre
-            row[ROTATION : ROTATION + 4] = quaternions(axes[None][:, :, order])[0]
+            row[ROTATION : ROTATION + 4] = quaternion_of(axes[:, order])
             row[SHAPES : SHAPES + 3] = size[list(order)]
             row[SHAPES + 3 : SHAPES + 5] = START_EXPONENTS
     balls = empty_rows(BALLS)

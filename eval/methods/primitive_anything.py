@@ -27,6 +27,7 @@ from ...assembly.assembly import Assembly
 from ...assembly.colors import palette_color
 from ...assembly.primitive import Pose, Primitive
 from ...assembly.transform import NORMALISED_SIDE, Transform
+from ...kernels.rotation import quaternion_of
 
 TYPE_IDS = {1101002001034001: "cuboid", 1101002001034002: "cylinder", 1101002001034010: "ellipsoid"}
 
@@ -137,7 +138,5 @@ def _numbers(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def _quaternion(axes: np.ndarray) -> tuple[float, float, float, float]:
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(axes).as_quat())
+    w, x, y, z = (float(value) for value in quaternion_of(axes))
     return w, x, y, z

@@ -19,7 +19,7 @@ from ...kernels.field.points import from_grid_blocks, grid_blocks
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.primitives import FAMILIES
 from ...shape.deviation import surface_distances
-from ...shape.grid import distance_grid
+from ...shape.grid import distance_grid, intersection_over_union
 from ...shape.target import Target
 from .through_holes import filled_holes
 
@@ -81,11 +81,6 @@ def measure_occupancy(primitives: PrimitiveSet, resolution: int = RESOLUTION) ->
     union = from_grid_blocks(field < 0.0, shape)
     count = from_grid_blocks(count_containing(primitives, blocks, bounds).numpy().astype(np.uint16), shape)
     return Occupancy(union, count)
-
-
-def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
-    """IoU of two boolean arrays of one shape; 0 where both are empty."""
-    return _share(a & b, a | b)
 
 
 def target_occupancy(target: Target) -> np.ndarray:

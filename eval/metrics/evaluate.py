@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ...kernels.runtime.launch import choose_device
+from ...shape.grid import intersection_over_union
 from ...shape.target import Target, make_target
-from .assembly_metrics import RESOLUTION, intersection_over_union, target_occupancy
+from .assembly_metrics import RESOLUTION, target_occupancy
 from .features import POINT_COUNT, make_features
 from .prediction import Prediction, mesh_distance
 from .prediction_files import place, read_prediction
@@ -78,7 +79,7 @@ class TargetSurface:
 
     def draw(self, count: int, purpose: str) -> np.ndarray:
         """Points (count, 3) float32 on it, by area; equal purposes give equal points."""
-        return draw_surface(self.vertices, self.faces, count, random_source(purpose))
+        return draw_surface(self.vertices, self.faces, count, _random_source(purpose))
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Distance (n,) of points (n, 3) to it, without a sign."""
@@ -132,7 +133,7 @@ def evaluate(
     placed, sentence = place(source, found.transform, device, onto)
     notes = [sentence] if sentence else []
     notes += getattr(source, "notes", ())
-    mismatch = frame_mismatch(placed, found)
+    mismatch = _frame_mismatch(placed, found)
     if mismatch:
         notes.append(mismatch)
     elif max(float(placed.upper.max()), -float(placed.lower.min())) > 1.0:
@@ -144,14 +145,14 @@ def evaluate(
     row |= {"floats": placed.floats, "closed": surface.closed, "target_kind": found.solid.kind}
     row |= {"target_rule": " ".join([found.sentence, *found.notes]), "notes": notes}
     # Of parts that are astronomically far away, some distances are beyond all numbers.
-    return {key: None if _is_endless(row[key]) else row[key] for key in ordered_keys(surface.closed)}
+    return {key: None if _is_endless(row[key]) else row[key] for key in _ordered_keys(surface.closed)}
 
 
 def _is_endless(value: Any) -> bool:
     return isinstance(value, float) and not math.isfinite(value)
 
 
-def ordered_keys(closed: bool) -> list[str]:
+def _ordered_keys(closed: bool) -> list[str]:
     """Keys of a row in the order in which they are shown."""
     distances = ["surface_mean", "surface_p95", "surface_max"]
     shares = ["iou", "bisurf_iou", "bisurf_iou_005"]
@@ -161,7 +162,7 @@ def ordered_keys(closed: bool) -> list[str]:
     return [*first, *parts, *rest]
 
 
-def random_source(purpose: str) -> np.random.Generator:
+def _random_source(purpose: str) -> np.random.Generator:
     """Random numbers for one of DRAWN, always the same."""
     return np.random.default_rng([SEED, DRAWN.index(purpose)])
 
@@ -175,16 +176,16 @@ def _volume_metrics(prediction: Prediction, surface: TargetSurface) -> dict[str,
         "primitive_count": prediction.primitive_count,
     }
     on_target = surface.draw(NEAR_POINTS, "target")
-    on_prediction = prediction.draw(NEAR_POINTS, random_source("prediction"))
+    on_prediction = prediction.draw(NEAR_POINTS, _random_source("prediction"))
     for key, sigma in SIGMAS.items():
-        noise = random_source(key)
+        noise = _random_source(key)
         row[key] = bisurf_iou(on_target, on_prediction, sigma, surface.inside, prediction.inside, noise)
     return row
 
 
 def _distance_metrics(prediction: Prediction, surface: TargetSurface, emd: bool) -> dict[str, Any]:
     a = surface.draw(PAIRED_POINTS, "paired target")
-    b = prediction.draw(PAIRED_POINTS, random_source("paired prediction"))
+    b = prediction.draw(PAIRED_POINTS, _random_source("paired prediction"))
     row: dict[str, Any] = dict.fromkeys(("cd", "emd", "surface_mean", "surface_p95", "surface_max"))
     row["cd_floor"] = chamfer(a, surface.draw(PAIRED_POINTS, "second target"))
     if not len(b):
@@ -193,7 +194,7 @@ def _distance_metrics(prediction: Prediction, surface: TargetSurface, emd: bool)
     if emd:
         row["emd"] = earth_movers(a, b)
     there = prediction.distance(surface.draw(NEAR_POINTS, "target"))
-    back = surface.distance(prediction.draw(NEAR_POINTS, random_source("distance")))
+    back = surface.distance(prediction.draw(NEAR_POINTS, _random_source("distance")))
     if not (np.isfinite(there).all() and np.isfinite(back).all()):
         return row
     found = surface_distance(there, back)
@@ -216,7 +217,7 @@ def _semantic_metrics(
     return {"intra_prim": found.intra_prim, "inter_prim": found.inter_prim}
 
 
-def frame_mismatch(prediction: Prediction, target: Target) -> str:
+def _frame_mismatch(prediction: Prediction, target: Target) -> str:
     """A sentence if the two boxes were hardly meant to match, else an empty string."""
     if not prediction.primitive_count:
         return ""

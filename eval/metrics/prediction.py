@@ -12,20 +12,16 @@ from typing import Protocol
 import numpy as np
 
 from ...assembly.assembly import Assembly
+from ...assembly.change_of_frame import rows_in_frame
 from ...assembly.transform import Transform
 from ...kernels.contour.isosurface import extract_isosurface
 from ...kernels.field.bounds import assembly_bounds
 from ...kernels.field.evaluate import evaluate_assembly, evaluate_primitives
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.mesh.mesh_query import MeshQuery
-from ...kernels.primitives import FAMILIES
-from ...kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from ...kernels.runtime.launch import choose_device
 from .assembly_metrics import RESOLUTION, Occupancy, count_floats, measure_occupancy
 from .surface_metrics import draw_surface
-
-SAME_FRAME = 1e-9
-"""Transforms that differ by less than this share of the size are the same: files are rounded."""
 
 
 class Prediction(Protocol):
@@ -108,26 +104,6 @@ def mesh_distance(query: MeshQuery, points: np.ndarray) -> np.ndarray:
 
     asked = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=query.device)
     return query.closest_points(asked).distance.numpy()
-
-
-def rows_in_frame(assembly: Assembly, frame: Transform) -> np.ndarray:
-    """Rows (k, ROW) float32 of an assembly in another normalised frame than its own."""
-    rows, own = assembly.rows(), assembly.transform
-    shift = np.abs(np.subtract(own.translation, frame.translation)).max()
-    if not len(rows) or (
-        abs(own.scale / frame.scale - 1.0) < SAME_FRAME and shift < SAME_FRAME * frame.scale
-    ):
-        return rows
-    ratio = own.scale / frame.scale
-    place = slice(TRANSLATION, TRANSLATION + 3)
-    rows[:, place] = frame.to_normalised(own.to_mesh(rows[:, place]))
-    rows[:, BLEND] *= ratio
-    for row, primitive in zip(rows, assembly.primitives, strict=True):
-        family, shape = FAMILIES[primitive.family], row[SHAPES : SHAPES + SHAPE]
-        for parameter in family.parameters:
-            if parameter.unit == "length":
-                shape[family.columns(parameter.name)] *= ratio
-    return rows
 
 
 def box_alignment(

@@ -92,7 +92,7 @@ def place(
     """
     motion, sentence = None, ""
     if onto is not None:
-        box = own_box(source, device)
+        box = _own_box(source, device)
         if box is not None:
             motion = box_alignment(*box, *onto)
             shift = ", ".join(f"{value:g}" for value in motion.translation)
@@ -103,7 +103,7 @@ def place(
     return PartsPrediction(source.placed(motion, frame), source.floats, device), sentence
 
 
-def own_box(source: Source, device: str) -> tuple[np.ndarray, np.ndarray] | None:
+def _own_box(source: Source, device: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Corners (3,) each of a prediction's box in its own mesh units; None if it has no extent."""
     if isinstance(source, Assembly):
         alone = AssemblyPrediction(source, source.transform, device)
@@ -162,7 +162,7 @@ def _parts_of(nodes: Sequence[tuple[str, Any]], name: str, notes: tuple[str, ...
                 f"{name} is a {type(mesh).__name__}; give an Assembly, a path, or meshes of trimesh."
             )
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-        pieces += [(vertices, faces)] if len(nodes) > 1 else split_bodies(vertices, faces, name)
+        pieces += [(vertices, faces)] if len(nodes) > 1 else _split_bodies(vertices, faces, name)
     parts, floats, flat = [], 0, 0
     for vertices, faces in pieces:
         try:
@@ -187,7 +187,7 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> PartMesh:
     return PartMesh(loaded.vertices, loaded.faces)
 
 
-def split_bodies(vertices: np.ndarray, faces: np.ndarray, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+def _split_bodies(vertices: np.ndarray, faces: np.ndarray, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Connected bodies of a mesh (n, 3), (m, 3), by their first faces; cavities go with what is round them."""
     if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(f"{name} holds no faces, or a face names a vertex that is not there.")

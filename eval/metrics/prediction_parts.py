@@ -68,7 +68,7 @@ class PartsPrediction:
         """See `Prediction`."""
         count = np.zeros((RESOLUTION,) * 3, np.uint16)
         for part, (lower, upper) in zip(self.parts, self.boxes, strict=True):
-            found = cells_of_part(part, lower, upper, self.device)
+            found = _cells_of_part(part, lower, upper, self.device)
             if found is not None:
                 count[found[0]] += found[1]
         return Occupancy(count > 0, count)
@@ -177,7 +177,7 @@ def turned_outwards(part: PartMesh) -> PartMesh:
     return part
 
 
-def cells_of_part(
+def _cells_of_part(
     part: PartMesh, lower: np.ndarray, upper: np.ndarray, device: wp.Device
 ) -> tuple[tuple[slice, slice, slice], np.ndarray] | None:
     """Where a part's cells lie in the 128^3 cells of [-1, 1]^3, and whether each of them is inside; None if nowhere.

@@ -33,7 +33,7 @@ def measure_semantics(features: np.ndarray, owners: np.ndarray) -> Semantics:
     Raises:
         InputError: if the features are not n finite vectors.
     """
-    unit = unit_features(features, len(owners))
+    unit = _unit_features(features, len(owners))
     _, member, count = np.unique(owners, return_inverse=True, return_counts=True)
     centre = np.zeros((len(count), unit.shape[1]))
     np.add.at(centre, member, unit)
@@ -47,7 +47,7 @@ def measure_semantics(features: np.ndarray, owners: np.ndarray) -> Semantics:
     return Semantics(intra, float((count * nearest).sum() / count.sum()))
 
 
-def unit_features(features: np.ndarray, count: int) -> np.ndarray:
+def _unit_features(features: np.ndarray, count: int) -> np.ndarray:
     """Features (n, d) as float64 of unit length; a vector of zeros stays one.
 
     Raises:

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .assembly_metrics import PERCENTILE, intersection_over_union
+from ...shape.deviation import surface_points
+from ...shape.grid import intersection_over_union
+from .assembly_metrics import PERCENTILE
 
 NEAR_POINTS = 30_000
 """Points near each of the two surfaces."""
@@ -60,13 +62,7 @@ def draw_faces(
     vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """`draw_surface`, and the face (count,) that each point lies in."""
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    edges = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    place, u, v = rng.uniform(size=(3, count))
-    face = np.minimum(np.searchsorted(edges, place * edges[-1], side="right"), len(faces) - 1)
-    over = u + v > 1.0
-    u, v = np.where(over, 1.0 - u, u)[:, None], np.where(over, 1.0 - v, v)[:, None]
-    return (a[face] + u * (b - a)[face] + v * (c - a)[face]).astype(np.float32), face
+    return surface_points(vertices, faces, *rng.uniform(size=(3, count)))
 
 
 def sort_points(points: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from resfit.children import python_command
 
 from ...assembly.transform import NORMALISED_SIDE
 from ...shape.formats import MESH_SUFFIXES
+from ..batch.compare import written_rows
 from .contact_sheet import draw_sheet
 from .results_table import worst_rows, write_table
 
@@ -105,17 +106,11 @@ def row_key(mesh: Path, preset: str, timeout: float) -> str:
 
 def _read_rows(path: Path, work: Path) -> dict[str, dict[str, Any]]:
     """Finished rows by their key; the last one of a key counts. A row without its picture is not finished."""
-    rows = {}
-    if path.exists():
-        for line in path.read_text(encoding="utf-8").splitlines():
-            try:
-                row = json.loads(line)
-            except ValueError:
-                # The line that was being written when a run was killed.
-                continue
-            if row["exit_code"] == 2 or (work / f"{row['mesh']}.resfit" / "preview.png").exists():
-                rows[row["key"]] = row
-    return rows
+    return {
+        row["key"]: row
+        for row in written_rows(path)
+        if row["exit_code"] == 2 or (work / f"{row['mesh']}.resfit" / "preview.png").exists()
+    }
 
 
 def _warm_up() -> None:

@@ -12,10 +12,11 @@ import warp as wp
 
 from ...assembly.assembly import Assembly
 from ...assembly.atomic_write import write_bytes
+from ...assembly.change_of_frame import rows_in_frame
 from ...assembly.colors import palette_color, rgb
 from ...assembly.primitive import Primitive
 from ...assembly.surface import part_surface
-from ...assembly.transform import Transform
+from ...assembly.transform import Transform, up_axis
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.primitives import family
@@ -25,9 +26,9 @@ from ...kernels.render.raytrace import CLAY, render, render_assembly, render_mes
 from ...kernels.render.shading import to_linear
 from ...kernels.rows import BLEND, SHAPES
 from ...kernels.runtime.launch import choose_device
+from ...kernels.srgb import to_srgb
 from ...shape.load import load_mesh
 from ..batch.datasets import Shape
-from ..metrics.prediction import rows_in_frame
 from ..metrics.prediction_files import Source, read_prediction
 from ..metrics.prediction_parts import PartMesh, joined, turned_outwards
 from .contact_sheet import COLORS, FAINT, GAP, INK, PAPER
@@ -40,7 +41,6 @@ PART_CELLS = 32
 """Cells along a part's longest side, where parts are meshed to be shown: an edge is as long as a few pixels."""
 MAX_SHAPES = 24
 """More would make a picture that nobody can look at; of more, as many are taken evenly."""
-Z_UP = (".stl", ".3mf", ".off")
 """Formats of CAD, where z points up."""
 
 
@@ -93,8 +93,7 @@ def _panels(
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     frame = Transform.from_bounds(lower, upper)
     box = frame.to_normalised(np.stack([lower, upper]))
-    up = "z" if shape.path.suffix.lower() in Z_UP else "y"
-    camera = frame_bounds(box[0], box[1], up=up, aspect=PANEL[0] / PANEL[1])
+    camera = frame_bounds(box[0], box[1], up=up_axis(shape.path.name), aspect=PANEL[0] / PANEL[1])
     vertices = frame.to_normalised(mesh.vertices)
     panels: list[tuple[np.ndarray | None, str]] = [
         (render_mesh(vertices, mesh.faces, camera, *PANEL, samples=SAMPLES), shape.name)
@@ -105,7 +104,7 @@ def _panels(
             continue
         numbers = f"IoU {row['iou']:.3f}, {row['primitive_count']} parts, {row['cpu_s']:.1f} CPU s"
         try:
-            image = render_prediction(read_prediction(out / row["prediction"]), frame, camera)
+            image = _render_prediction(read_prediction(out / row["prediction"]), frame, camera)
         except Exception as error:
             # The sheet is worth having without one of its pictures.
             image, numbers = None, str(error)
@@ -113,7 +112,7 @@ def _panels(
     return panels
 
 
-def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.ndarray:
+def _render_prediction(source: Source, frame: Transform, camera: Camera) -> np.ndarray:
     """Picture (height, width, 3) uint8 of a prediction, each primitive in its colour.
 
     Args:
@@ -122,13 +121,13 @@ def render_prediction(source: Source, frame: Transform, camera: Camera) -> np.nd
         camera: in its normalised frame.
     """
     if not isinstance(source, Assembly):
-        return render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
+        return _render_parts([turned_outwards(part) for part in source.placed(None, frame)], camera)
     names = [primitive.family for primitive in source.primitives]
     if any(family(name).approximate for name in names):
         # Marching along a field that is only roughly a distance takes ten times as long as showing meshes.
-        return render_parts([_shown(part, source, frame) for part in source.primitives], camera)
+        return _render_parts([_shown(part, source, frame) for part in source.primitives], camera)
     primitives = PrimitiveSet(rows_in_frame(source, frame), names, choose_device("cpu"))
-    return render_assembly(primitives, part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
+    return render_assembly(primitives, _part_colors(len(primitives)), camera, *PANEL, samples=SAMPLES)
 
 
 def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
@@ -142,12 +141,12 @@ def _shown(part: Primitive, assembly: Assembly, frame: Transform) -> PartMesh:
     return PartMesh(frame.to_normalised(assembly.transform.to_mesh(placed)), np.asarray(faces))
 
 
-def part_colors(count: int) -> np.ndarray:
+def _part_colors(count: int) -> np.ndarray:
     """Colours (count, 3), sRGB in [0, 1], the same for every method."""
     return np.array([rgb(palette_color(index)) for index in range(count)]).reshape(-1, 3)
 
 
-def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
+def _render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     """Picture (height, width, 3) uint8 of meshes: all of them in clay, then what is seen of each is coloured."""
     width, height = PANEL[0] * SAMPLES, PANEL[1] * SAMPLES
     if not parts:
@@ -157,7 +156,7 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     # The samples of a pixel share its soft light, though they are pixels here.
     scene = MeshScene(vertices, faces, CLAY, device, False, SAMPLES * SAMPLES)
     clay = render(scene, camera, width, height, 1, True)
-    origin, direction = pixel_rays(camera, width, height)
+    origin, direction = _pixel_rays(camera, width, height)
     query = MeshQuery(vertices, faces, device)
     begin = wp.array(np.ascontiguousarray(origin, np.float32), dtype=wp.vec3, device=device)
     way = wp.array(np.ascontiguousarray(direction, np.float32), dtype=wp.vec3, device=device)
@@ -165,15 +164,15 @@ def render_parts(parts: Sequence[PartMesh], camera: Camera) -> np.ndarray:
     part_of_face = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
     # The last entry is for the background.
     tints = np.ones((len(parts) + 1, 3), np.float32)
-    tints[:-1] = to_linear(part_colors(len(parts))) / to_linear(np.array(CLAY))
+    tints[:-1] = to_linear(_part_colors(len(parts))) / to_linear(np.array(CLAY))
     tint = tints[np.where(face >= 0, part_of_face[np.maximum(face, 0)], -1)]
     light = np.clip(to_linear(clay / 255.0) * tint.reshape(height, width, 3), 0.0, 1.0)
-    shown = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    shown = to_srgb(light)
     blocks = shown.reshape(PANEL[1], SAMPLES, PANEL[0], SAMPLES, 3).mean(axis=(1, 3))
     return (blocks * 255.0 + 0.5).astype(np.uint8)
 
 
-def pixel_rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def _pixel_rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     """Origins and unit directions (width * height, 3) of rays through the pixels, row by row from the top."""
     right, up, forward = camera.axes
     scale = 2.0 * np.tan(np.radians(0.5 * camera.field_of_view)) / height

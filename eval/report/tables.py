@@ -139,10 +139,10 @@ def make_table(title: str, columns: tuple[Column, ...], rows: Sequence[Row], sta
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
         lines.append((method, tuple(_summed(own, column, column.key, statistic) for column in columns)))
-    return Table(title, columns, tuple(lines), floor_of(rows, statistic) if CD in columns else None)
+    return Table(title, columns, tuple(lines), _floor_of(rows, statistic) if CD in columns else None)
 
 
-def floor_of(rows: Sequence[Row], statistic: str) -> float | None:
+def _floor_of(rows: Sequence[Row], statistic: str) -> float | None:
     """The floor of the Chamfer distance of some rows: each shape counts once."""
     shapes = {row["mesh"]: row for row in rows if row["status"] == "ok"}
     return _summed(list(shapes.values()), CD, "cd_floor", statistic)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
 from ...decomposition.region import Region
 from ...kernels.primitives import family as primitive_family
 from ...kernels.primitives.swept_solids import box_solids
 from ...kernels.refine.point_batches import shared_points
+from ...kernels.rotation import quaternion_of
 from ...kernels.rows import ROTATION, SHAPE, SHAPES, TRANSLATION, empty_rows
 from ..presets import ProposeConfig
 from ..refine.levenberg import levenberg
@@ -114,7 +114,7 @@ def _seed(region: Region, name: str) -> np.ndarray:
         frame[:, 0] *= -1.0
     row = empty_rows(1)[0]
     row[TRANSLATION : TRANSLATION + 3] = centre + axes @ ((low + high) / 2)
-    row[ROTATION : ROTATION + 4] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
+    row[ROTATION : ROTATION + 4] = quaternion_of(frame)
     entry = primitive_family(name)
     solid = box_solids(np.maximum(extent[order], 0.02)[None], roundness=0.5)
     row[SHAPES : SHAPES + SHAPE] = entry.starts(entry, solid)[0][0]

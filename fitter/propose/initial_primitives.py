@@ -12,6 +12,7 @@ import numpy as np
 from ...decomposition.region import Region, spread_indices
 from ...kernels.primitives import DEFAULT_FAMILY
 from ...kernels.primitives import family as find_family
+from ...kernels.rotation import quaternion_of
 from ...kernels.rows import ROTATION, ROW, SHAPE, SHAPES, TRANSLATION, empty_rows
 from .hypotheses import Hypotheses, guess_shapes
 
@@ -25,27 +26,20 @@ HALF_CELL = 1.0 / 128.0
 """Half a cell of a grid of 128, for points that come without a grid."""
 
 
-def region_starts(
-    region: Region | np.ndarray, family: str = DEFAULT_FAMILY, count: int = STARTS
-) -> tuple[np.ndarray, list[str]]:
-    """Starting rows for one region, the likeliest and most different hypotheses first.
-
-    Args:
-        region: a region, or points (m, 3) spread over its volume, normalised frame, from a grid of 128.
-        family: of the primitives.
-        count: rows at most.
-
-    Returns:
-        Rows (s, ROW) float32 with blend 0 and gate 1, and their kinds; none for a region without points.
-    """
-    rows, _, kinds = all_starts([region], family, count)
-    return rows, kinds
-
-
 def all_starts(
     regions: Sequence[Region | np.ndarray], family: str = DEFAULT_FAMILY, count: int = STARTS
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """`region_starts` of many regions: rows (s, ROW), the region (s,) int32 that each is for, and the kinds."""
+    """Starting rows for regions, the likeliest and most different hypotheses of each first.
+
+    Args:
+        regions: each a region, or points (m, 3) spread over its volume, normalised frame, from a grid of 128.
+        family: of the primitives.
+        count: rows a region, at most.
+
+    Returns:
+        Rows (s, ROW) float32 with blend 0 and gate 1, the region (s,) int32 that each is for, and their kinds; none
+        for a region without points.
+    """
     entry = find_family(family)
     samples = [_sample(region) for region in regions]
     present = [index for index, points in enumerate(samples) if len(points)]
@@ -61,7 +55,7 @@ def all_starts(
     first = _place_in_group(guesses.region) < count
     guesses, shapes = guesses.take(first), shapes[first]
     owners = np.array(present, np.int32)[guesses.region]
-    return hypothesis_rows(guesses, shapes), owners, guesses.kind.tolist()
+    return _hypothesis_rows(guesses, shapes), owners, guesses.kind.tolist()
 
 
 def _sample(region: Region | np.ndarray) -> np.ndarray:
@@ -85,28 +79,10 @@ def _place_in_group(owner: np.ndarray) -> np.ndarray:
     return np.arange(len(owner)) - np.searchsorted(owner, owner)
 
 
-def hypothesis_rows(guesses: Hypotheses, shapes: np.ndarray) -> np.ndarray:
+def _hypothesis_rows(guesses: Hypotheses, shapes: np.ndarray) -> np.ndarray:
     """Rows (g, ROW) float32 of hypotheses with their shapes (g, SHAPE)."""
     rows = empty_rows(len(guesses.region))
     rows[:, SHAPES : SHAPES + SHAPE] = shapes
     rows[:, TRANSLATION : TRANSLATION + 3] = guesses.centre
-    rows[:, ROTATION : ROTATION + 4] = quaternions(guesses.axes)
+    rows[:, ROTATION : ROTATION + 4] = quaternion_of(guesses.axes)
     return rows.reshape(-1, ROW)
-
-
-def quaternions(axes: np.ndarray) -> np.ndarray:
-    """Unit quaternions (s, 4), (w, x, y, z), of rotation matrices (s, 3, 3), local to world."""
-    diagonal = np.diagonal(axes, axis1=1, axis2=2)
-    trace = diagonal.sum(axis=1)
-    # Four times the products of the quaternion's components: [i, j] = 4 q_i q_j.
-    products = np.empty((len(axes), 4, 4))
-    products[:, 0, 0] = 1.0 + trace
-    products[:, [1, 2, 3], [1, 2, 3]] = 1.0 - trace[:, None] + 2.0 * diagonal
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        products[:, 0, 1 + k] = products[:, 1 + k, 0] = axes[:, j, i] - axes[:, i, j]
-        products[:, 1 + i, 1 + j] = products[:, 1 + j, 1 + i] = axes[:, j, i] + axes[:, i, j]
-    # The row of the largest component loses no digits.
-    largest = np.diagonal(products, axis1=1, axis2=2).argmax(axis=1)
-    found = products[np.arange(len(axes)), largest]
-    return (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)

@@ -26,6 +26,7 @@ from ...kernels.field.raw_parameters import RAW_BLEND, RAW_DROP, RAW_KEEP
 from ...kernels.mesh.mesh_query import MeshQuery
 from ...kernels.rows import BLEND, GATE
 from ...shape.deviation import sample_surface
+from ...shape.grid import intersection_over_union
 from ...shape.target import Target
 from ..objective.objective import Tally
 from ..objective.samples import objective_samples
@@ -255,7 +256,6 @@ def move_assembly(
     values = values_at(moved.rows, families, point_blocks(samples.points, device), device)
     score = score_values(values, moved.rows[:, BLEND], Tally(samples), parsimony)
     held = evaluate_grid(PrimitiveSet(moved.rows, families, device), *cell_centres(target.resolution)) < 0
-    inside = target.grid < 0
-    iou = float((held & inside).sum() / max(1, (held | inside).sum()))
+    iou = intersection_over_union(held, target.grid < 0)
     timings = {"chamfer": time.perf_counter() - begin}
     return Outcome(moved.rows, list(families), score, iou, status, [], timings), moved

@@ -24,8 +24,9 @@ def to_raw(rows: np.ndarray, families: Sequence[str]) -> np.ndarray:
     """Raw numbers (primitive_count, ROW) whose activation is `rows`; gates become confident logits."""
     raw = np.zeros((len(rows), ROW))
     raw[:, :3] = rows[:, :3]
-    turns = rows[:, ROTATION : ROTATION + 4][:, [1, 2, 3, 0]]
-    raw[:, RAW_TURN : RAW_TURN + 3] = Rotation.from_quat(turns).as_rotvec()
+    raw[:, RAW_TURN : RAW_TURN + 3] = Rotation.from_quat(
+        rows[:, ROTATION : ROTATION + 4], scalar_first=True
+    ).as_rotvec()
     for k, name in enumerate(families):
         raw[k, RAW_SHAPE : RAW_SHAPE + SHAPE] = family(name).to_raw(rows[k, SHAPES : SHAPES + SHAPE])
     raw[:, RAW_BLEND] = np.log(np.expm1(np.maximum(rows[:, BLEND], SMALLEST_BLEND)))

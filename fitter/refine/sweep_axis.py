@@ -10,10 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
+from scipy.special import softmax
 
 from ...kernels.field.adjoint import by_block, by_primitive, differentiable_assembly
 from ...kernels.field.points import PointBlocks
 from ...kernels.field.primitive_set import PrimitiveSet
+from ...kernels.rotation import multiply
 from ...kernels.rows import BLEND, GATE, ROTATION, ROW, SHAPE, SHAPES, TRANSLATION
 from ..objective.objective import ObjectiveSamples
 from ..presets import AdamConfig
@@ -26,14 +28,9 @@ TURN_QUATERNIONS = np.array([[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.5, 0.5], [-0.5, 
 """Rotations (w, x, y, z) from a copy's frame to the primitive's: they take its axis j to axis TURNS[i][j]."""
 
 
-def right_products() -> np.ndarray:
-    """Matrices (3, 4, 4) that multiply a quaternion by each of TURN_QUATERNIONS from the right."""
-    return np.array(
-        [[[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]] for w, x, y, z in TURN_QUATERNIONS]
-    )
+RIGHT = np.stack([multiply(np.eye(4), turn).T for turn in TURN_QUATERNIONS])
+"""Matrices (3, 4, 4) that multiply a quaternion by each of TURN_QUATERNIONS from the right."""
 
-
-RIGHT = right_products()
 SIZE = slice(SHAPES, SHAPES + 3)
 """Where a family has a size, its shape begins with it."""
 
@@ -47,7 +44,7 @@ def turned_copies(rows: np.ndarray) -> np.ndarray:
     return copies
 
 
-def gathered_gradient(copies_grad: np.ndarray) -> np.ndarray:
+def _gathered_gradient(copies_grad: np.ndarray) -> np.ndarray:
     """Gradient (primitive_count, ROW) to the primitives from that to their copies (primitive_count, 3, ROW)."""
     total = np.zeros((len(copies_grad), ROW))
     total[:, TRANSLATION : TRANSLATION + 3] = copies_grad[:, :, TRANSLATION : TRANSLATION + 3].sum(1)
@@ -98,7 +95,7 @@ class SweepAxes:
         tape = wp.Tape()
         _, values = differentiable_assembly(self._copies, blocks, tape)
         swept = by_primitive(values, len(self._copies), blocks.count).reshape(len(rows), 3, -1)
-        weights = softmax((self.logits + noise) / temperature)
+        weights = softmax((self.logits + noise) / temperature, axis=1)
         mixed = np.einsum("ki,kin->kn", weights, swept)
         gates, blends = rows[:, GATE], rows[:, BLEND]
         gated = gates[:, None] * mixed + 1.0 - gates[:, None]
@@ -114,7 +111,7 @@ class SweepAxes:
         asked = by_block(swept_grad.reshape(len(self._copies), -1))
         tape.backward(grads={values: wp.array(asked, dtype=float, device=self._copies.device)})
         assert self._copies.rows.grad is not None
-        total = gathered_gradient(self._copies.rows.grad.numpy().reshape(len(rows), 3, ROW))
+        total = _gathered_gradient(self._copies.rows.grad.numpy().reshape(len(rows), 3, ROW))
         tape.zero()
         total[:, BLEND] = blend_grad
         total[:, GATE] = (gated_grad * (mixed - 1.0)).sum(1)
@@ -123,9 +120,3 @@ class SweepAxes:
     def baked(self, rows: np.ndarray) -> np.ndarray:
         """Rows (primitive_count, ROW) with the likeliest sweep axis of each as its own."""
         return turned_copies(rows)[np.arange(len(rows)), self.logits.argmax(1)]
-
-
-def softmax(logits: np.ndarray) -> np.ndarray:
-    """Shares (n, 3) of logits (n, 3)."""
-    powers = np.exp(logits - logits.max(1, keepdims=True))
-    return powers / powers.sum(1, keepdims=True)

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...kernels.primitives import family
 from ...kernels.primitives.canonical_rules import Rule
+from ...kernels.rotation import matrix_of
 from ...kernels.rows import SHAPE, SHAPES, TRANSLATION
-from .rigid_motion import matrix_of
 
 
 @dataclass(frozen=True)

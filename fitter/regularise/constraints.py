@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...kernels.primitives import family
+from ...kernels.rotation import matrix_of, multiply
 from ...kernels.rows import BLEND, ROTATION, TRANSLATION
 from .canonical import is_prism, is_round, is_straight, shape_of, with_shape
-from .rigid_motion import canonical_sign, matrix_of, move_rows, multiply
+from .rigid_motion import canonical_sign, move_rows
 
 NEARLY = 0.15
 """Parameters up to this from the values that a symmetry asks for may be given up for it."""

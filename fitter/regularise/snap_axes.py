@@ -7,17 +7,18 @@ from itertools import permutations, product
 import numpy as np
 
 from ...kernels.primitives import family
+from ...kernels.rotation import matrix_of, multiply, quaternion_of
 from ...kernels.rows import ROTATION
 from .canonical import is_box, is_prism, is_round, is_straight, shape_of
 from .constraints import tidy, turn_between
-from .rigid_motion import matrix_of, multiply, quaternion_of
+from .rigid_motion import canonical_sign
 from .transaction import Change, Claim, Transaction
 
 NEAR = np.radians(8.0)
 """Directions nearer than this are tried as parallel."""
 
 ROTATIONS = [
-    quaternion_of(matrix)
+    canonical_sign(quaternion_of(matrix))
     for order in permutations(range(3))
     for signs in product((1.0, -1.0), repeat=3)
     if np.linalg.det(matrix := np.eye(3)[list(order)] * np.array(signs)[:, None]) > 0

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from ...kernels.primitives import family
+from ...kernels.rotation import matrix_of, multiply, quaternion_of
 from ...kernels.rows import ROTATION, SHAPES, TRANSLATION
 from ..objective.cached import CachedObjective
 from .canonical import (
@@ -25,7 +26,7 @@ from .canonical import (
     with_shape,
 )
 from .constraints import Constraints, Copied, tidy, turn_between
-from .rigid_motion import canonical_sign, matrix_of, multiply, quaternion_of
+from .rigid_motion import canonical_sign
 from .snap_axes import ROTATIONS
 
 COSTLESS = 2e-5

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...kernels.rotation import rotation_about
 from ...shape.target import Target
 
 MOST_CHANGE = 0.012
@@ -44,7 +45,7 @@ class Symmetry:
         """The orthogonal matrices (3, 3), the identity not among them."""
         if self.order == 1:
             return [_clean(np.eye(3) - 2.0 * np.outer(self.axis, self.axis))]
-        return [rotation(self.axis, 2.0 * np.pi * k / self.order) for k in range(1, self.order)]
+        return [_clean(rotation_about(self.axis, 2.0 * np.pi * k / self.order)) for k in range(1, self.order)]
 
     def describe(self) -> dict[str, Any]:
         """For a report."""
@@ -54,13 +55,6 @@ class Symmetry:
             "centre": [round(float(value), 6) for value in self.centre],
             "order": self.order,
         }
-
-
-def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The matrix (3, 3) of a rotation about a unit axis (3,), by radians."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return _clean(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
 
 
 def find_symmetries(target: Target) -> list[Symmetry]:

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
+from ...assembly.change_of_frame import rescale_rows
 from ...decomposition.region import region_from_mask
-from ...kernels.field.evaluate import cell_centres, union_at
-from ...kernels.field.points import from_grid_blocks, grid_blocks
+from ...kernels.field.evaluate import cell_centres, evaluate_grid
 from ...kernels.field.primitive_set import PrimitiveSet
 from ...kernels.rows import BLEND, ROW
 from ...kernels.runtime.launch import serial_device
 from ...kernels.select.coverage_sets import hold
+from ...shape.grid import intersection_over_union
 from ...shape.parts import Piece, piece_target, split_target
 from ...shape.repeated_parts import Copy, find_copies
 from ...shape.target import Target
@@ -30,7 +31,7 @@ from ..propose.candidates import fit_regions
 from ..refine.joint import refine
 from ..refine.refiner import REFINERS
 from ..regularise.constraints import Copied
-from ..regularise.rigid_motion import move_rows, rescale_rows
+from ..regularise.rigid_motion import move_rows
 from ..select.selection import prune
 from .multi_start import fit_target
 from .pareto import remove_down_to
@@ -272,11 +273,9 @@ def grid_iou(rows: np.ndarray, target: Target, config: FitConfig, device: wp.Dev
     """IoU (0 to 1) at the cell centres of the target's grid."""
     if not len(rows):
         return 0.0
-    shape, lower, spacing = cell_centres(target.resolution)
     primitives = PrimitiveSet(rows, [config.primitive] * len(rows), device)
-    values = union_at(primitives, grid_blocks(shape, lower, spacing, device)).numpy()
-    held, inside = from_grid_blocks(values, shape) < 0, target.grid < 0
-    return float((held & inside).sum() / max(1, (held | inside).sum()))
+    held = evaluate_grid(primitives, *cell_centres(target.resolution)) < 0
+    return intersection_over_union(held, target.grid < 0)
 
 
 def copies_among(

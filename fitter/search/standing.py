@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ...assembly.change_of_frame import rescale_rows
 from ...shape.manhattan_frame import manhattan_frame
 from ...shape.parts import solid_target
 from ...shape.target import Target
@@ -21,7 +22,7 @@ from ..config import FitConfig
 from ..objective.cached import CachedObjective
 from ..outcome import Outcome, Round
 from ..progress import Progress
-from ..regularise.rigid_motion import move_rows, rescale_rows
+from ..regularise.rigid_motion import move_rows
 from .multi_start import fit_target
 
 

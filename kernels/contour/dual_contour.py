@@ -33,12 +33,12 @@ def dual_contour(field: SampledField, device: wp.Device) -> tuple[np.ndarray, np
     positions, normals = refine_crossings(field, crossings)
     vertices, first_vertex = place_vertices(cells, edge_patch, counts, positions, normals, device)
     vertices = project_vertices(field, vertices, np.repeat(cells.corner, counts, axis=0))
-    quads = join_quads(crossings, cells, edge_patch, first_vertex)
-    faces = split_quads(field, vertices, quads, normals)
+    quads = _join_quads(crossings, cells, edge_patch, first_vertex)
+    faces = _split_quads(field, vertices, quads, normals)
     return field.points(vertices), faces
 
 
-def join_quads(
+def _join_quads(
     crossings: Crossings, cells: Cells, edge_patch: np.ndarray, first_vertex: np.ndarray
 ) -> np.ndarray:
     """Quads (n, 4) of vertex indices around each crossing, counter-clockwise seen from outside."""
@@ -49,7 +49,7 @@ def join_quads(
     return np.where(crossings.starts_inside[:, None], quads, quads[:, ::-1])
 
 
-def split_quads(
+def _split_quads(
     field: SampledField, vertices: np.ndarray, quads: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
     """Triangles (2 n, 3) int32 of the quads (n, 4).

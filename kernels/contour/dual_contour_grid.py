@@ -66,7 +66,7 @@ class Cells:
     """(n, 4) the cells around each crossing, counter-clockwise seen from the end of its axis."""
 
 
-def cube_order(corner: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _cube_order(corner: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Order that lists grid points (n, 3) cube by cube."""
     i, j, k = (corner // CUBE).T
     return np.argsort((i * shape[1] + j) * shape[2] + k, kind="stable")
@@ -83,7 +83,7 @@ def find_crossings(inside: np.ndarray) -> Crossings:
         starts.append(start)
         axes.append(np.full(len(start), axis))
     axis, start = np.concatenate(axes), np.concatenate(starts)
-    order = cube_order(start, inside.shape)
+    order = _cube_order(start, inside.shape)
     start = start[order]
     return Crossings(axis[order], start, inside[tuple(start.T)])
 
@@ -102,7 +102,7 @@ def find_cells(inside: np.ndarray, crossings: Crossings) -> Cells:
     active[ids] = True
     found = np.flatnonzero(active)
     corner = np.stack(np.unravel_index(found, shape), axis=1)
-    order = cube_order(corner, shape)
+    order = _cube_order(corner, shape)
     found, corner = found[order], corner[order]
     index = np.empty(inside.size, np.int32)
     index[found] = np.arange(len(found), dtype=np.int32)

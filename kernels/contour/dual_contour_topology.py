@@ -21,7 +21,7 @@ def edge(axis: int, first: int, second: int) -> int:
     return 4 * axis + first + 2 * second
 
 
-def edge_offsets(number: int) -> np.ndarray:
+def _edge_offsets(number: int) -> np.ndarray:
     """Offset (3,) of the lower end of an edge from the cell's lower corner."""
     axis, position = divmod(number, 4)
     offset = np.zeros(3, np.int64)
@@ -55,7 +55,7 @@ def _face_edges(face: int) -> list[int]:
 
 FACE_CORNERS = [_face_corners(face) for face in range(FACES)]
 FACE_EDGES = [_face_edges(face) for face in range(FACES)]
-EDGE_ENDS = [(_corner(edge_offsets(e)), _corner(edge_offsets(e)) | (1 << (e // 4))) for e in range(EDGES)]
+EDGE_ENDS = [(_corner(_edge_offsets(e)), _corner(_edge_offsets(e)) | (1 << (e // 4))) for e in range(EDGES)]
 
 
 @cache

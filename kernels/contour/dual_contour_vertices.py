@@ -33,7 +33,7 @@ ON_SURFACE = 1e-4
 def refine_crossings(field: SampledField, crossings: Crossings) -> tuple[np.ndarray, np.ndarray]:
     """Where the field is zero on each crossed edge, and the unit normal there, both (n, 3) float32, in cells."""
     direction = np.eye(3, dtype=np.float32)[crossings.axis]
-    share = find_zeros(field, crossings, direction)
+    share = _find_zeros(field, crossings, direction)
     position = (crossings.start + share[:, None] * direction).astype(np.float32)
     # Towards the inside, since a convex crease has clean normals there.
     inwards = np.where(crossings.starts_inside[:, None], -direction, direction)
@@ -44,7 +44,7 @@ def refine_crossings(field: SampledField, crossings: Crossings) -> tuple[np.ndar
     return position, normal.astype(np.float32)
 
 
-def find_zeros(field: SampledField, crossings: Crossings, direction: np.ndarray) -> np.ndarray:
+def _find_zeros(field: SampledField, crossings: Crossings, direction: np.ndarray) -> np.ndarray:
     """Share (n,) of each crossed edge at which the field is zero, by the Illinois method and bisection."""
     tolerance = ON_SURFACE * float(field.spacing.min())
     start = crossings.start

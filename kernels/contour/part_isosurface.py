@@ -52,7 +52,7 @@ def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) 
     alone = PrimitiveSet(row, [entry.name], primitives.device)
     lower, upper = entry.bounds(shape)
     side = np.maximum(upper - lower, 1e-6)
-    cells = grid_cells(entry, shape, side, resolution)
+    cells = _grid_cells(entry, shape, side, resolution)
     spacing = side / cells
     origin = lower - BORDER * spacing
     counts = np.ceil(cells + 2 * BORDER).astype(int) + 1
@@ -65,7 +65,7 @@ def part_isosurface(primitives: PrimitiveSet, index: int, resolution: int = 64) 
     return (vertices @ turn.T + centre).astype(np.float32), faces
 
 
-def grid_cells(entry: Family, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
+def _grid_cells(entry: Family, shape: np.ndarray, side: np.ndarray, resolution: int) -> np.ndarray:
     """Cells (3,) along the sides (3,) of a primitive's box: enough for its thinnest wall, within the limits."""
     thin = side if entry.walls is None else entry.walls(shape)
     # A wall of no width (onion 1, no dilation) has no inside to find, and must not divide by zero.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..primitives import family
 from ..primitives.family import Family
+from ..rotation import matrix_of
 from ..rows import BLEND, GATE, ROTATION, SHAPE, SHAPES, TRANSLATION
 from .primitive_set import PrimitiveSet
 
@@ -42,16 +43,7 @@ def _shapes(primitives: PrimitiveSet) -> Iterator[tuple[Family, np.ndarray]]:
 
 def rotation_matrices(rows: np.ndarray) -> np.ndarray:
     """Local-to-world rotations (primitive_count, 3, 3) of rows (primitive_count, ROW)."""
-    quaternion = rows[:, ROTATION : ROTATION + 4].astype(np.float64)
-    w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        axis=1,
-    )
+    return matrix_of(rows[:, ROTATION : ROTATION + 4].astype(np.float64))
 
 
 def primitive_bounds(primitives: PrimitiveSet) -> np.ndarray:

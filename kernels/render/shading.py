@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .. import srgb
 from ..runtime.launch import PLAIN_OPTIONS, launch
 from .camera import TILE_C, Camera, pixel_of_ray
 
@@ -56,7 +57,7 @@ class Studio:
 def to_linear(colors: np.ndarray) -> np.ndarray:
     """Linear light from sRGB values, both in [0, 1], any shape, float32."""
     colors = np.clip(np.asarray(colors, np.float32), 0.0, 1.0)
-    return np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return srgb.to_linear(colors)
 
 
 @wp.func

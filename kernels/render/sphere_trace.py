@@ -160,7 +160,7 @@ def darken_rays_kernel(
     out_live[i] = wp.where(light < 0.01 or t > out_end[r], 0, 1)
 
 
-def step_factor(primitives: PrimitiveSet) -> float:
+def _step_factor(primitives: PrimitiveSet) -> float:
     """Share of the field's value that is safe to step, but for places that backtracking takes care of."""
     return max(safe_step(primitives), SHORTEST_FACTOR)
 
@@ -182,7 +182,7 @@ def march_rays(primitives: PrimitiveSet, rays: Rays, box: Box, tolerance: float)
     before = wp.clone(distance)
     front = RayQueue(rays, live)
     field = wp.empty(padded_count(rays.count), dtype=float, device=device)
-    factor = step_factor(primitives)
+    factor = _step_factor(primitives)
     step_count = round(MAX_STEPS / factor)
     for step in range(step_count):
         if not front.count:
@@ -210,7 +210,7 @@ def march_light(primitives: PrimitiveSet, rays: Rays, box: Box, softness: float,
     _enter(rays, box, start, distance, end, live)
     front = RayQueue(rays, live)
     field = wp.empty(padded_count(rays.count), dtype=float, device=device)
-    factor = step_factor(primitives)
+    factor = _step_factor(primitives)
     for _ in range(SHADOW_STEPS):
         if not front.count:
             break

@@ -161,14 +161,14 @@ def side_by_side(*jobs: Callable[[], Any]) -> Iterator[list[Future[Any]]]:
 
 
 def choose_device(name: str = "auto") -> wp.Device:
-    """The device called `name`: `auto` (see `fastest_device`), `cpu`, `cuda` (the first GPU) or `cuda:0`.
+    """The device called `name`: `auto` (see `_fastest_device`), `cpu`, `cuda` (the first GPU) or `cuda:0`.
 
     Raises:
         DeviceError: if there is no such device.
     """
     start()
     if name == "auto":
-        device = fastest_device()
+        device = _fastest_device()
     elif name == "cuda" and wp.get_cuda_device_count():
         device = wp.get_cuda_devices()[0]
     elif name in (present := [found.alias for found in wp.get_devices()]):
@@ -183,7 +183,7 @@ def choose_device(name: str = "auto") -> wp.Device:
     return device
 
 
-def fastest_device() -> wp.Device:
+def _fastest_device() -> wp.Device:
     """The device on which whole fits were measured to be fastest on this machine: the CPU, as no GPU is measured yet.
 
     A probe that times a fit on a GPU belongs here.

@@ -58,7 +58,7 @@ class _Scene:
             names = unique_names(record.name() or str(k) for k, record in enumerate(self.meshes.records))
             for index, name in enumerate(names):
                 mesh = self.meshes.mesh(index)
-                self._add(name, mesh, [morphed(each, mesh.weights) for each in mesh.primitives], IDENTITY)
+                self._add(name, mesh, [_morphed(each, mesh.weights) for each in mesh.primitives], IDENTITY)
         return MeshFile(
             tuple(self.pieces), "resfit", self.points, self.lines, tuple(self.document.notes), unit="m"
         )
@@ -69,7 +69,7 @@ class _Scene:
         mesh = self.meshes.mesh(index)
         weights = morph_weights(record, mesh.targets) or mesh.weights
         self.document.take(len(weights))
-        points = [morphed(primitive, weights) for primitive in mesh.primitives]
+        points = [_morphed(primitive, weights) for primitive in mesh.primitives]
         skin = record.index("skin", self.skins)
         instances = instance_transforms(record, self.accessors)
         if skin is not None:
@@ -153,7 +153,7 @@ class _Scene:
         return np.where(total > 0.0, blended / total, transforms[joints[:, 0], :3])
 
 
-def morphed(primitive: Primitive, weights: tuple[float, ...]) -> Floats:
+def _morphed(primitive: Primitive, weights: tuple[float, ...]) -> Floats:
     """The positions (n, 3) of a primitive, displaced by its morph targets."""
     found = primitive.positions
     for target, weight in zip(primitive.targets, weights, strict=False):

@@ -102,7 +102,7 @@ class Nodes:
             raise self._no_tree(next(iter(set(range(len(self.records))) - set(order))))
         worlds = [IDENTITY] * len(self.records)
         for node in order:
-            local, parent = local_transform(self.records[node]), self.parents[node]
+            local, parent = _local_transform(self.records[node]), self.parents[node]
             above = IDENTITY if parent < 0 else worlds[parent]
             worlds[node] = above if local is IDENTITY else local if above is IDENTITY else above @ local
         return worlds
@@ -114,7 +114,7 @@ class Nodes:
         )
 
 
-def local_transform(record: Record) -> Matrices:
+def _local_transform(record: Record) -> Matrices:
     """The transform (4, 4) of a node to its parent."""
     keys = record.value.keys() & {"matrix", "translation", "rotation", "scale"}
     if not keys:
@@ -131,11 +131,13 @@ def local_transform(record: Record) -> Matrices:
     )
     return (
         found
-        @ trs_transforms(*(None if value is None else np.array([value]) for value in (shift, turn, scale)))[0]
+        @ _trs_transforms(*(None if value is None else np.array([value]) for value in (shift, turn, scale)))[
+            0
+        ]
     )
 
 
-def trs_transforms(shifts: Matrices | None, turns: Matrices | None, scales: Matrices | None) -> Matrices:
+def _trs_transforms(shifts: Matrices | None, turns: Matrices | None, scales: Matrices | None) -> Matrices:
     """Transforms (n, 4, 4) that scale, turn and shift, in that order.
 
     Args:
@@ -177,7 +179,7 @@ def instance_transforms(record: Record, accessors: Accessors) -> Matrices | None
         )
     # A transform has the size of about six vertices.
     accessors.document.take(6 * max((len(value) for value in values if value is not None), default=1))
-    return trs_transforms(*values)
+    return _trs_transforms(*values)
 
 
 def unique_names(names: Iterable[str]) -> list[str]:

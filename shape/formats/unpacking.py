@@ -55,11 +55,11 @@ class Metered:
         found = self._stream.read(min(size, 1 << 20))
         self._left -= len(found)
         if self._left < 0:
-            raise too_large(self._path)
+            raise _too_large(self._path)
         return found
 
 
-def too_large(path: Path, way: str = GIVE) -> InputError:
+def _too_large(path: Path, way: str = GIVE) -> InputError:
     """What is said of a file that unpacks to more than it may; `way` is what to do."""
     return InputError(
         f"'{path}' unpacks to more than {RATIO} times its size, or than half of the free disk; {way}."
@@ -107,7 +107,7 @@ def check_members(path: Path, members: Iterable[zipfile.ZipInfo], way: str = GIV
     if len(members) > MOST_MEMBERS:
         raise too_many(path)
     if sum(member.file_size for member in members) > allowance(path):
-        raise too_large(path, way)
+        raise _too_large(path, way)
     for member in members:
         if member.flag_bits & 1:
             raise InputError(f"'{path}' is encrypted; {way}.")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 import warp as wp
 
+from resfit.assembly.change_of_frame import rows_in_frame
 from resfit.assembly.transform import Transform
 from resfit.clock import Clock, timed
 from resfit.errors import InputError
@@ -19,8 +20,6 @@ from resfit.exports.by_suffix import export_assembly as export
 from resfit.fitter.config import OPTIONS, FitConfig, FitOptions, preset_config
 from resfit.fitter.progress import TARGET_SHARE, Progress
 from resfit.kernels.prefetch import prefetch
-from resfit.kernels.primitives import FAMILIES
-from resfit.kernels.rows import BLEND, SHAPE, SHAPES, TRANSLATION
 from resfit.kernels.runtime import launch, module_loading
 from resfit.loading import load_behind, without_collector
 from resfit.shape.background_load import MeshReader, reading
@@ -222,18 +221,7 @@ def start_rows(assembly: Assembly, primitive: str, transform: Transform) -> np.n
                 f"{part.name} of the assembly to start from is a {part.family}, but {primitive} is fitted;"
                 f" use --primitive {part.family} or another assembly."
             )
-    rows = assembly.rows()
-    ratio = assembly.transform.scale / transform.scale
-    if not len(rows) or (ratio == 1.0 and assembly.transform == transform):
-        return rows
-    place = slice(TRANSLATION, TRANSLATION + 3)
-    rows[:, place] = transform.to_normalised(assembly.transform.to_mesh(rows[:, place]))
-    shapes = rows[:, SHAPES : SHAPES + SHAPE]
-    for parameter in FAMILIES[primitive].parameters:
-        if parameter.unit == "length":
-            shapes[:, FAMILIES[primitive].columns(parameter.name)] *= ratio
-    rows[:, BLEND] *= ratio
-    return rows
+    return rows_in_frame(assembly, transform)
 
 
 def _stoppable(

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import warp as wp
 from scipy import ndimage
-from voxel_solids import ball, box, cells, grid, paint, share
+from voxel_solids import ball, box, cells, grid, paint, propose_regions, share
 
 from resfit.decomposition.coarse_grid import coarsen, working_grid
 from resfit.decomposition.proposals import msd
 from resfit.decomposition.proposals.msd import peel
 from resfit.decomposition.proposals.plates_and_beams import straight_parts
-from resfit.decomposition.propose import propose_regions
 from resfit.decomposition.region import Region, box_table, region_from_mask, without_duplicates
 from resfit.decomposition.residual import find_residual, residual_components
 from resfit.decomposition.target_cells import target_cells

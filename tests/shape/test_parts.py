@@ -11,9 +11,10 @@ import warp as wp
 from work import calls_of
 
 import resfit
+from resfit.assembly.change_of_frame import rescale_rows
 from resfit.fitter.config import FitConfig
 from resfit.fitter.pipeline import takes_apart
-from resfit.fitter.regularise.rigid_motion import matrix_of, move_rows, multiply, quaternion_of, rescale_rows
+from resfit.fitter.regularise.rigid_motion import move_rows
 from resfit.fitter.search.per_part import choose_pieces, fit_parts, name_primitives
 from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
@@ -160,14 +161,6 @@ def test_moved_primitives_have_the_moved_field(
     larger = PrimitiveSet(rescale_rows(rows, names, 0.5, (0.1, 0.2, 0.3)), names, device)
     scaled = evaluate_primitives(larger, (0.5 * points + (0.1, 0.2, 0.3)).astype(np.float32))
     np.testing.assert_allclose(scaled, 0.5 * before, atol=1e-5)
-
-
-def test_quaternions_and_matrices_agree(rng: np.random.Generator) -> None:
-    for matrix in [trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3] for _ in range(20)]:
-        np.testing.assert_allclose(matrix_of(quaternion_of(matrix)), matrix, atol=1e-12)
-    half = np.array([0.0, 1.0, 0.0, 0.0])
-    np.testing.assert_array_equal(quaternion_of(np.diag([1.0, -1.0, -1.0])), half)
-    np.testing.assert_array_equal(multiply(half, half), [-1.0, 0.0, 0.0, 0.0])
 
 
 def test_parts_keep_their_names_and_copies_are_equal() -> None:

@@ -12,7 +12,6 @@ from resfit.errors import InputError
 from resfit.shape.curvature import MAX_CURVATURE, measure_curvature
 from resfit.shape.samples import NOISE
 from resfit.shape.target import Target, make_target
-from resfit.shape.thickness import local_thickness
 
 
 def target_of(mesh: trimesh.Trimesh, device: wp.Device, **options) -> Target:
@@ -105,12 +104,6 @@ def test_scale_and_offset_change_nothing(device: wp.Device, scale: float, offset
     assert second.transform.scale == pytest.approx(first.transform.scale * scale, rel=1e-6)
 
 
-def test_thickness_is_what_a_ray_through_finds(device: wp.Device) -> None:
-    target = target_of(creation.box(extents=(1.8, 0.9, 0.09)), device)
-    points = np.array([[0.1, 0.2, 0.045], [0.9, 0.1, 0.01], [0.2, 0.45, 0.0]])
-    np.testing.assert_allclose(local_thickness(target.query, points), [0.09, 1.8, 0.9], rtol=1e-4)
-
-
 def test_stages_and_sheets(device: wp.Device) -> None:
     stages: list[str] = []
     sheet = trimesh.Trimesh([[0, 0, 0], [2, 0, 0], [2, 2, 0]], [[0, 1, 2]], process=False)
@@ -121,8 +114,6 @@ def test_stages_and_sheets(device: wp.Device) -> None:
     depth = target.query.signed_distance(target.samples.surface.points)
     np.testing.assert_allclose(depth, 0.0, atol=1e-3)
     assert (target.samples.volume.distance < 0.0).any()
-    thickness = local_thickness(target.query, target.samples.surface.points)
-    np.testing.assert_allclose(thickness, target.solid.thickness, rtol=1e-5)
 
 
 def test_bad_input_reaches_the_caller(device: wp.Device) -> None:

@@ -20,11 +20,9 @@ from ..scene.scene import Scene
 from .gizmo import Gizmo, Handle, Ray, dragged
 from .panel import Panel
 from .panel_layout import WIDTH, Spot, lay_out, list_rows, slider_value
+from .window import Drag, Window
 
 SIZE = (1360, 860)
-TICK = 15
-"""Milliseconds between looks at what is to be done: of many moves of the mouse only the last counts."""
-
 STILL = 0.4
 """Seconds of rest after which edges are smoothed, where that takes longer than the picture."""
 
@@ -35,19 +33,9 @@ DRAGGED = (-1, -1)
 """Where the button went down, once the mouse has moved farther than in a click."""
 
 GIZMO_LAYER, PANEL_LAYER = 1, 2
-FIRST, LAST = 10.0, -10.0
-"""Priorities of observers: before and after VTK's own."""
-
-NAMES = {
-    "question": "?",
-    "bracketleft": "[",
-    "bracketright": "]",
-    "KP_Enter": "Return",
-    "ISO_Left_Tab": "Tab",
-}
 
 
-class Desktop:
+class Desktop(Window):
     """A window, or its off-screen likeness.
 
     Attributes:
@@ -59,8 +47,7 @@ class Desktop:
         """Lay panel and gizmo over the plotter of a controller's scene, and follow its events."""
         self.controller = controller
         self.scene: Scene = controller.scene
-        self.plotter = self.scene.plotter
-        self.window: Any = self.plotter.render_window
+        super().__init__(self.scene.plotter)
         self.gizmo = Gizmo(self.plotter, GIZMO_LAYER)
         self.panel = Panel(self.plotter, PANEL_LAYER)
         self.scroll = 0
@@ -68,7 +55,7 @@ class Desktop:
         self._pending: Callable[[], None] | None = None
         self._press: tuple[int, int] | None = None
         self._last = (0, 0)
-        self._mode: Callable[[int, int], None] | None = None
+        self._mode: Drag | None = None
         self._grip: tuple[Handle, np.ndarray, Ray] | None = None
         self._dirty = True
         self._smooth = False
@@ -78,21 +65,10 @@ class Desktop:
         self.scene.frame()
         self.redraw()
 
-    def run(self) -> None:
-        """Show the window until it is closed."""
-        self.plotter.show(interactive=False, auto_close=False)
-        self._take_over()
+    def begin(self) -> None:
+        """Share the window, and frame the scene."""
         self.resize()
         self.scene.frame()
-        self.tick()
-        self.interactor.CreateRepeatingTimer(TICK)
-        self.interactor.Start()
-        self.plotter.close()
-
-    @property
-    def interactor(self) -> Any:
-        """VTK's interactor."""
-        return self.plotter.iren.interactor
 
     def redraw(self) -> None:
         """Draw again at the next tick."""
@@ -165,11 +141,7 @@ class Desktop:
     # Events
 
     def _observe(self) -> None:
-        self._take_over()
-        for event, handler in {
-            "LeftButtonPressEvent": lambda: self._button(self._orbit),
-            "RightButtonPressEvent": lambda: self._button(self._pan),
-            "MiddleButtonPressEvent": lambda: self._button(self._pan),
+        handlers = {
             "LeftButtonReleaseEvent": lambda: self._release(click=True),
             "RightButtonReleaseEvent": self._release,
             "MiddleButtonReleaseEvent": self._release,
@@ -177,20 +149,12 @@ class Desktop:
             "MouseWheelForwardEvent": lambda: self._wheel(1),
             "MouseWheelBackwardEvent": lambda: self._wheel(-1),
             "KeyPressEvent": self._key,
-            "ConfigureEvent": self.resize,
-            "WindowResizeEvent": self.resize,
-            "TimerEvent": self.tick,
-        }.items():
-            self.interactor.AddObserver(event, _calling(handler), FIRST)
-        self.window.AddObserver("WindowResizeEvent", _calling(self.resize))
+        }
+        self.observe(self._button, self._orbit, self._pan, self.resize, handlers)
+        self.window.AddObserver("WindowResizeEvent", lambda caller, event: self.resize())
         self.resize()
 
-    def _take_over(self) -> None:
-        """Switch off what VTK and PyVista do with keys and drags: it would come on top of ours."""
-        self.interactor.SetInteractorStyle(None)
-        self.interactor.EnableRenderOff()
-
-    def _button(self, mode: Callable[[int, int], None]) -> None:
+    def _button(self, mode: Drag) -> None:
         x, y = self.interactor.GetEventPosition()
         self._press = self._last = x, y
         spot = self._spot(x, y)
@@ -292,12 +256,11 @@ class Desktop:
         self.redraw()
 
     def _key(self) -> None:
-        name, code = self.interactor.GetKeySym() or "", self.interactor.GetKeyCode() or ""
-        key = NAMES.get(name, name)
         if self.interactor.GetControlKey():
+            name = self.interactor.GetKeySym() or ""
             key = f"ctrl+{name.upper() if self.interactor.GetShiftKey() else name.lower()}"
-        elif code.isprintable() and code not in ("", "\0"):
-            key = code
+        else:
+            key = self.pressed_key()
         self.controller.press(key)
 
     def _spot(self, x: int, y: int) -> Spot | None:
@@ -309,8 +272,3 @@ class Desktop:
     def _size(self) -> tuple[int, int]:
         width, height = self.plotter.renderer.GetSize()
         return max(width, 1), max(height, 1)
-
-
-def _calling(handler: Callable[[], None]) -> Callable[[Any, str], None]:
-    """An observer that calls a handler without arguments."""
-    return lambda caller, event: handler()

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...kernels.rotation import rotation_about
 from ..scene.camera import OrbitCamera
 from ..scene.plotter import Plotter
 
@@ -71,7 +72,7 @@ def dragged(handle: Handle, matrix: np.ndarray, begin: Ray, now: Ray, facing: np
         return matrix @ stretch
     else:
         angle = _angle(_meet(centre, axis, begin) - centre, _meet(centre, axis, now) - centre, axis)
-        turn = _rotation(axis, angle)
+        turn = rotation_about(axis, angle)
         change[:3, :3], change[:3, 3] = turn, centre - turn @ centre
     return change @ matrix
 
@@ -95,12 +96,6 @@ def _meet(centre: np.ndarray, normal: np.ndarray, ray: Ray) -> np.ndarray:
 
 def _angle(a: np.ndarray, b: np.ndarray, axis: np.ndarray) -> float:
     return float(np.arctan2(np.cross(a, b) @ axis, a @ b - (a @ axis) * (b @ axis)))
-
-
-def _rotation(axis: np.ndarray, angle: float) -> np.ndarray:
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
 class Gizmo:

@@ -13,9 +13,10 @@ import numpy as np
 from ...assembly.assembly import Assembly
 from ...assembly.surface import Surface
 from ...assembly.transform import Transform
-from ...eval.metrics.assembly_metrics import RESOLUTION, intersection_over_union
+from ...eval.metrics.assembly_metrics import RESOLUTION
 from ...kernels.field.evaluate import evaluate_assembly, evaluate_grid
 from ...kernels.runtime.launch import choose_device
+from ...shape.grid import intersection_over_union
 from ...shape.load import load_mesh
 from ...shape.loaded_mesh import LoadedMesh
 from ...shape.target import Target, make_target

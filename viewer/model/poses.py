@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
+import warnings
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,10 @@ from resfit.errors import InputError
 
 from ...assembly.primitive import Pose, Primitive, Quaternion, Vector
 from ...kernels.primitives import FAMILIES
+from ...kernels.rotation import quaternion_of
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 SMALLEST = 1e-4
 """Normalised units: nothing is pushed thinner, because it could not be pulled open again."""
@@ -25,38 +30,20 @@ def to_vector(values: npt.ArrayLike) -> Vector:
 
 def to_angles(rotation: Quaternion) -> Vector:
     """Turns about x, then y, then z of the normalised frame, in degrees, of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = rotation
-    return (
-        math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))),
-        math.degrees(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))),
-        math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))),
-    )
+    with warnings.catch_warnings():
+        # At 90 degrees about y one angle of the three is free, and becomes 0.
+        warnings.filterwarnings("ignore", "Gimbal lock")
+        return to_vector(_turn(rotation).as_euler("xyz", degrees=True) + 0.0)
 
 
 def to_quaternion(angles: Vector) -> Quaternion:
     """The unit quaternion (w, x, y, z) of turns about x, then y, then z, in degrees."""
-    cx, cy, cz = (math.cos(math.radians(angle) / 2) for angle in angles)
-    sx, sy, sz = (math.sin(math.radians(angle) / 2) for angle in angles)
-    return (
-        cx * cy * cz + sx * sy * sz,
-        sx * cy * cz - cx * sy * sz,
-        cx * sy * cz + sx * cy * sz,
-        cx * cy * sz - sx * sy * cz,
-    )
+    return _quaternion(_turns(angles))
 
 
 def turned(rotation: Quaternion, angles: Vector) -> Quaternion:
     """A rotation followed by turns about x, then y, then z of the normalised frame, in degrees."""
-    w, x, y, z = to_quaternion(angles)
-    p, q, r, s = rotation
-    return _unit(
-        [
-            w * p - x * q - y * r - z * s,
-            w * q + x * p + y * s - z * r,
-            w * r - x * s + y * p + z * q,
-            w * s + x * r - y * q + z * p,
-        ]
-    )
+    return _quaternion(_turns(angles) * _turn(rotation))
 
 
 def pose_matrix(pose: Pose) -> np.ndarray:
@@ -85,7 +72,8 @@ def placed(part: Primitive, matrix: npt.ArrayLike) -> Primitive:
     difference = part.pose.matrix() - matrix[:3, :3] / factors
     # Where nothing was turned or stretched, the numbers stay as they were, to the bit.
     if np.abs(difference).max() > 1e-6:
-        rotation = _quaternion(matrix[:3, :3] / factors)
+        w, x, y, z = (float(value) for value in quaternion_of(matrix[:3, :3] / factors))
+        rotation = (w, x, y, z)
     stretched = np.abs(factors - 1.0).max() > 1e-6
     parameters = scaled_parameters(part, factors) if stretched else part.parameters
     return replace(part, pose=Pose(to_vector(matrix[:3, 3]), rotation), parameters=parameters)
@@ -109,14 +97,18 @@ def scaled_parameters(part: Primitive, factors: float | npt.ArrayLike) -> dict[s
     return values
 
 
-def _unit(quaternion: npt.ArrayLike) -> Quaternion:
-    values = np.asarray(quaternion, np.float64)
-    w, x, y, z = (float(value) for value in values / np.linalg.norm(values))
-    return w, x, y, z
-
-
-def _quaternion(matrix: np.ndarray) -> Quaternion:
-    """Unit quaternion of a rotation (3, 3)."""
+def _turn(quaternion: Quaternion) -> Rotation:
     from scipy.spatial.transform import Rotation
 
-    return _unit(np.roll(Rotation.from_matrix(matrix).as_quat(), 1))
+    return Rotation.from_quat(quaternion, scalar_first=True)
+
+
+def _turns(angles: Vector) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("xyz", angles, degrees=True)
+
+
+def _quaternion(turn: Rotation) -> Quaternion:
+    w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
+    return w, x, y, z

@@ -82,7 +82,7 @@ def save_film(
         InputError: if something cannot be read or written.
         DisplayError: if nothing can be drawn here.
     """
-    motion = film.motion or ("optimisation" if history_folder(request) else "turntable")
+    motion = film.motion or ("optimisation" if _history_folder(request) else "turntable")
     size = request.size or SIZE
     seconds = SECONDS[motion] if film.seconds is None else film.seconds
     check_film(film.path, size, seconds, film.fps)
@@ -94,7 +94,7 @@ def save_film(
         check_compared(view, comparisons)
         frames: tuple[Frame, ...] = ()
         if motion == "optimisation":
-            folder = history_folder(request)
+            folder = _history_folder(request)
             if folder is None:
                 raise InputError(
                     "a film of the optimisation needs the folder of one fit, with its history.npz."
@@ -107,10 +107,10 @@ def save_film(
     plotter = make_plotter(size, off_screen=True)
     try:
         if motion == "optimisation":
-            draw = fit_pictures(plotter, frames, count, comparisons[0], view, camera, request.device)
+            draw = _fit_pictures(plotter, frames, count, comparisons[0], view, camera, request.device)
         else:
             scene = Scene(plotter, session, comparisons, view, camera, request.device)
-            draw = (turntable_pictures if motion == "turntable" else explode_pictures)(scene, count)
+            draw = (_turntable_pictures if motion == "turntable" else _explode_pictures)(scene, count)
         tell = on_picture or (lambda share: None)
 
         def told(k: int) -> np.ndarray:
@@ -123,7 +123,7 @@ def save_film(
     return motion
 
 
-def history_folder(request: Request) -> Path | None:
+def _history_folder(request: Request) -> Path | None:
     """The folder of the one fit that is asked for, if it holds its history."""
     if len(request.paths) != 1:
         return None
@@ -137,7 +137,7 @@ def fit_folder(request: Request) -> Path:
     Raises:
         InputError: if there is none.
     """
-    folder = history_folder(request)
+    folder = _history_folder(request)
     if folder is None:
         raise InputError(
             "how a fit came about is in the history.npz of its folder; give the folder of one fit."
@@ -145,7 +145,7 @@ def fit_folder(request: Request) -> Path:
     return folder
 
 
-def fit_pictures(
+def _fit_pictures(
     plotter: Plotter,
     frames: Sequence[Frame],
     count: int,
@@ -195,7 +195,7 @@ def frame_at(frames: Sequence[Frame], share: float) -> Frame:
     return tween(frames[at - 1], frames[at], eased(moved))
 
 
-def turntable_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
+def _turntable_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
     """Once around; after the last picture comes the first again."""
     stand_back(scene)
     azimuth, take = scene.camera.azimuth, _lens(scene.plotter)
@@ -208,7 +208,7 @@ def turntable_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
     return draw
 
 
-def explode_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
+def _explode_pictures(scene: Scene, count: int) -> Callable[[int], np.ndarray]:
     """Parts apart, a rest, and back."""
     apart = scene.view.explode or APART
     scene.view = replace(scene.view, explode=apart)

@@ -27,12 +27,12 @@ def tween(before: Frame, after: Frame, share: float) -> Frame:
     old = {part.name: part for part in before.assembly.primitives}
     new = {part.name: part for part in after.assembly.primitives}
     parts = [
-        mixed(old[name], part, share) if name in old else resized(part, share)
+        mixed(old[name], part, share) if name in old else _resized(part, share)
         for name, part in new.items()
         if name in old or share > SMALLEST_SHARE
     ]
     parts += [
-        resized(part, 1.0 - share)
+        _resized(part, 1.0 - share)
         for name, part in old.items()
         if name not in new and 1.0 - share > SMALLEST_SHARE
     ]
@@ -72,6 +72,6 @@ def mixed(old: Primitive, new: Primitive, share: float) -> Primitive:
     )  # fmt: skip
 
 
-def resized(part: Primitive, share: float) -> Primitive:
+def _resized(part: Primitive, share: float) -> Primitive:
     """A part at a share of its size, in its place."""
     return replace(part, parameters=scaled_parameters(part, share), blend=share * part.blend)

@@ -23,6 +23,7 @@ from ...assembly.plain_json import number_at
 from ...assembly.primitive import Primitive
 from ...assembly.report import read_report
 from ...kernels.field.bounds import extents
+from ...kernels.rotation import matrix_of
 from ...kernels.rows import BLEND, ROTATION, ROW, TRANSLATION
 
 Stage = Literal["regions", "candidates", "chosen", "refined", "kept", "rejected", "begin", "live", "final"]
@@ -133,7 +134,7 @@ def playback(history: History, assembly: Assembly, iou: float | None = None) -> 
                 )
                 for row, id in zip(parts.rows, parts.ids, strict=True)
             )  # fmt: skip
-            again = " · a new beginning" if number > 1 and begins_anew(entry) else ""
+            again = " · a new beginning" if number > 1 and _begins_anew(entry) else ""
             frame = Frame(
                 stage, number, f"Round {number} of {count}{again} · {TITLES[stage]}", detail,
                 Assembly(primitives, history.transform),
@@ -155,7 +156,7 @@ def final_frame(assembly: Assembly, rounds: int, iou: float | None, objective: f
     return Frame("final", rounds, "The result", detail, assembly)
 
 
-def begins_anew(entry: HistoryRound) -> bool:
+def _begins_anew(entry: HistoryRound) -> bool:
     """Whether a round begins without any part, as the first ones of a fit's tracks do."""
     return any(region.get("source") == FROM_NOTHING for region in entry.regions)
 
@@ -189,7 +190,7 @@ def _followed(history: History) -> Iterable[tuple[HistoryRound, _Set, dict[str, 
     for entry in history.rounds:
         held = {row.tobytes() for row in entry.chosen}
         start = NOTHING
-        if not begins_anew(entry):
+        if not _begins_anew(entry):
             # Of equal ones the latest.
             start = max(reversed(earlier), key=lambda parts: len(held & set(parts.by_row())))
         known, ids = start.by_row(), []
@@ -243,14 +244,9 @@ def matches(rows: np.ndarray, others: np.ndarray, family: str) -> tuple[list[tup
 
 def _places(rows: np.ndarray, family: str) -> np.ndarray:
     """Centres and extents along the frame's axes, (k, 6) float64, of rows (k, ROW): the same however axes are named."""
-    from scipy.spatial.transform import Rotation
-
     # Large float32 numbers have no squares.
     wide = rows.astype(np.float64)
-    w, x, y, z = wide[:, ROTATION : ROTATION + 4].T
-    turns = (
-        Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix() if len(rows) else np.zeros((0, 3, 3))
-    )
+    turns = matrix_of(wide[:, ROTATION : ROTATION + 4])
     sides = np.einsum("kij,kj->ki", np.abs(turns), extents(rows, [family] * len(rows)))
     return np.concatenate([wide[:, TRANSLATION : TRANSLATION + 3], sides], axis=1)
 

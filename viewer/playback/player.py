@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
-from ..desktop.desktop import NAMES, TICK
 from ..desktop.panel import Panel
 from ..desktop.panel_layout import ACCENT, LINE, MUTED, PAPER, TRACK, Drawing, Text
+from ..desktop.window import Drag, Window
 from ..model.commands import find_command
 from ..model.view_options import COMPARING, SWITCHES, switched
 from ..scene.opengl_check import DisplayError, finish_probe, has_display, require, start_probe
@@ -32,7 +31,7 @@ LOOKS = (*SWITCHES, "frame", "front", "side", "top", "up")
 ANGLES = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 88.0)}
 
 
-class Player:
+class Player(Window):
     """A window, or its off-screen likeness.
 
     Attributes:
@@ -52,33 +51,22 @@ class Player:
             frames: at least one.
             at: the first one to show.
         """
-        self.plotter, self.scene, self.frames, self.at = plotter, scene, list(frames), at
-        self.window: Any = plotter.render_window
+        super().__init__(plotter)
+        self.scene, self.frames, self.at = scene, list(frames), at
         self.panel = Panel(plotter, PANEL_LAYER)
         self.playing = self.closing = False
         self.on_tick: Callable[[], None] = lambda: None
         self._shown: Frame | None = None
         self._dirty, self._next, self._last = True, 0.0, (0, 0)
-        self._drag: Callable[[int, int], None] | None = None
+        self._drag: Drag | None = None
         self._observe()
         self._leave_room()
         self.scene.scene.frame()
 
-    def run(self) -> None:
-        """Show the window until it is closed."""
-        self.plotter.show(interactive=False, auto_close=False)
-        self._take_over()
+    def begin(self) -> None:
+        """Keep the scene above the slider, and frame it."""
         self._leave_room()
         self.scene.scene.frame()
-        self.tick()
-        self.interactor.CreateRepeatingTimer(TICK)
-        self.interactor.Start()
-        self.plotter.close()
-
-    @property
-    def interactor(self) -> Any:
-        """VTK's interactor."""
-        return self.plotter.iren.interactor
 
     def add(self, frame: Frame) -> None:
         """Put a step after the last one."""
@@ -176,28 +164,16 @@ class Player:
     # Events
 
     def _observe(self) -> None:
-        self._take_over()
-        for event, handler in {
-            "LeftButtonPressEvent": lambda: self._button(self._orbit),
-            "RightButtonPressEvent": lambda: self._button(self._pan),
-            "MiddleButtonPressEvent": lambda: self._button(self._pan),
+        handlers = {
             "LeftButtonReleaseEvent": self._release,
             "RightButtonReleaseEvent": self._release,
             "MiddleButtonReleaseEvent": self._release,
             "MouseMoveEvent": self._move,
             "MouseWheelForwardEvent": lambda: self._zoom(0.9),
             "MouseWheelBackwardEvent": lambda: self._zoom(1.0 / 0.9),
-            "KeyPressEvent": self._key,
-            "ConfigureEvent": self._leave_room,
-            "WindowResizeEvent": self._leave_room,
-            "TimerEvent": self.tick,
-        }.items():
-            self.interactor.AddObserver(event, _calling(handler), 10.0)
-
-    def _take_over(self) -> None:
-        """Switch off what VTK and PyVista do with keys and drags."""
-        self.interactor.SetInteractorStyle(None)
-        self.interactor.EnableRenderOff()
+            "KeyPressEvent": lambda: self.press(self.pressed_key()),
+        }
+        self.observe(self._button, self._orbit, self._pan, self._leave_room, handlers)
 
     def _leave_room(self) -> None:
         """Keep the scene above the slider."""
@@ -206,7 +182,7 @@ class Player:
             renderer.SetViewport(0.0, share, 1.0, 1.0)
         self._dirty = True
 
-    def _button(self, drag: Callable[[int, int], None]) -> None:
+    def _button(self, drag: Drag) -> None:
         x, y = self._last = self.interactor.GetEventPosition()
         self._drag = self._slide if y < FOOT else self._pan if self.interactor.GetShiftKey() else drag
         if y < FOOT:
@@ -237,11 +213,6 @@ class Player:
         self.scene.scene.camera.zoom(factor)
         self._dirty = True
 
-    def _key(self) -> None:
-        name, code = self.interactor.GetKeySym() or "", self.interactor.GetKeyCode() or ""
-        printable = code.isprintable() and code not in ("", "\0")
-        self.press(code if printable else NAMES.get(name, name))
-
 
 def open_player(request: Request) -> None:
     """Step through the history of the fit that is asked for, until the window is closed.
@@ -267,8 +238,3 @@ def open_player(request: Request) -> None:
     plotter = make_plotter(request.size or SIZE, off_screen=False, title=f"resfit · {documents[0].title}")
     scene = StepScene(plotter, frames[-1].assembly, comparisons[0], view, camera, request.device)
     Player(plotter, scene, frames).run()
-
-
-def _calling(handler: Callable[[], None]) -> Callable[[Any, str], None]:
-    """An observer that calls a handler without arguments."""
-    return lambda caller, event: handler()

@@ -28,7 +28,7 @@ class Request:
     save_path: Path | None = None
     exports: Sequence[Path] = ()
     show: Sequence[str] = ()
-    """Some of `show_names`."""
+    """Some of `_show_names`."""
     explode: float = 0.0
     up: Literal["y", "z"] = "y"
     azimuth: float = OrbitCamera.azimuth
@@ -38,7 +38,7 @@ class Request:
     device: str = "auto"
 
 
-def show_names() -> list[str]:
+def _show_names() -> list[str]:
     """What may be asked to be shown: switches, modes of the input mesh, axes of sections."""
     switches = [name for name in TOGGLES if name not in ("joined", "edges", "mesh", "section", "explode")]
     return [*switches, *LESS, "ghost", "outline", "beside", "x", "y", "z"]
@@ -58,10 +58,12 @@ def first_view(request: Request, camera: OrbitCamera) -> View:
             changes["mesh"] = name
         elif name in ("x", "y", "z"):
             changes["section"] = name
-        elif name in show_names():
+        elif name in _show_names():
             changes[name] = True
         else:
-            raise InputError(f"--show {name}: there is no such thing; choose from {', '.join(show_names())}.")
+            raise InputError(
+                f"--show {name}: there is no such thing; choose from {', '.join(_show_names())}."
+            )
     if not 0.0 <= request.explode <= 4.0:
         raise InputError(f"--explode {request.explode:g} is out of range; it must lie in [0, 4].")
     return replace(View(), **changes)

@@ -131,8 +131,10 @@ def test_growth_is_measured_tabled_and_drawn(monkeypatch: pytest.MonkeyPatch) ->
     assert "| load to samples | 0.262 | 2.097 | |" in text
     assert "| write | 0.000 | 0.000 |  |" in text and "![seconds by stage](a.svg)" in text
     drawn = ElementTree.fromstring(chart(grown))
-    lines = [element for element in drawn.iter() if element.tag.endswith("polyline")]
-    assert len(lines) == 7 + 4 and all(re.fullmatch(r"[-\d., ]+", line.attrib["points"]) for line in lines)
+    texts = [element.text for element in drawn.iter() if element.tag.endswith("text")]
+    # A name once, whatever the number of panels; a stage that takes no time has no line.
+    assert [texts.count(name) for name in ("start", "grid", "all", "write")] == [1, 1, 1, 0]
+    assert {"64", "128", growth.LABELS["grid"], growth.LABELS["soup"]} <= set(texts)
     assert exponent([1, 10], [1.0, 100.0]) == pytest.approx(2.0)
     assert exponent([1], [1.0]) is None
 

@@ -11,12 +11,12 @@ from resfit.assembly.assembly import Assembly
 from resfit.assembly.primitive import Pose, Primitive
 from resfit.eval.metrics.assembly_metrics import (
     count_floats,
-    intersection_over_union,
     measure_cheap,
     measure_deviation,
     measure_occupancy,
 )
 from resfit.shape.deviation import sample_surface
+from resfit.shape.grid import intersection_over_union
 from resfit.shape.target import Target, make_target
 
 

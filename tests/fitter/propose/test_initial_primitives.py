@@ -8,7 +8,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from resfit.decomposition.region import Region, region_from_mask
-from resfit.fitter.propose.initial_primitives import STARTS, all_starts, quaternions, region_starts
+from resfit.fitter.propose.initial_primitives import STARTS, all_starts
 from resfit.kernels.field.evaluate import evaluate_primitives
 from resfit.kernels.field.primitive_set import PrimitiveSet
 from resfit.kernels.primitives import FAMILIES
@@ -58,7 +58,7 @@ def test_some_start_is_near_every_solid(turn: int | None, device: wp.Device) -> 
     found = solids(POINTS @ rotation)
     missed = {}
     for name, (mask, wanted) in found.items():
-        rows, _ = region_starts(region_of(mask))
+        rows, _, _ = all_starts([region_of(mask)])
         iou = best_iou(mask, rows, "superfrustum", device)
         if iou < wanted:
             missed[name] = (iou, wanted)
@@ -70,7 +70,7 @@ def test_every_family_has_starts_in_its_range(family: str, device: wp.Device) ->
     low, high = FAMILIES[family].fit_range
     for name in ("box", "rod", "torus"):
         mask, _ = solids(POINTS)[name]
-        rows, kinds = region_starts(region_of(mask), family)
+        rows, _, kinds = all_starts([region_of(mask)], family)
         assert rows.shape == (len(kinds), ROW) and rows.dtype == np.float32
         assert 1 <= len(kinds) <= STARTS
         shapes = rows[:, SHAPES : SHAPES + len(low)]
@@ -85,21 +85,21 @@ def test_many_regions_at_once_give_what_each_gives_alone() -> None:
     found = [region_of(mask) for mask, _ in solids(POINTS).values()][:5]
     rows, owner, kinds = all_starts(found)
     for index, region in enumerate(found):
-        alone, names = region_starts(region)
+        alone, _, names = all_starts([region])
         np.testing.assert_allclose(rows[owner == index], alone, atol=1e-5)
         assert [kind for kind, of in zip(kinds, owner, strict=True) if of == index] == names
 
 
 def test_count_limits_starts_and_keeps_the_first() -> None:
     region = region_of(solids(POINTS)["cone"][0])
-    rows, kinds = region_starts(region)
-    few, names = region_starts(region, count=7)
+    rows, _, kinds = all_starts([region])
+    few, _, names = all_starts([region], count=7)
     assert len(few) == 7 and names == kinds[:7]
     np.testing.assert_array_equal(few, rows[:7])
 
 
 def test_kinds_cover_what_a_region_may_be() -> None:
-    kinds = {kind for mask, _ in solids(POINTS).values() for kind in region_starts(region_of(mask))[1]}
+    kinds = {kind for mask, _ in solids(POINTS).values() for kind in all_starts([region_of(mask)])[2]}
     wanted = {"box", "cylinder", "tube", "frame", "ring", "hoop", "cone", "pill", "arc"}
     assert wanted | {"bent -x", "bent +x", "bent -y", "bent +y"} <= kinds
 
@@ -107,19 +107,10 @@ def test_kinds_cover_what_a_region_may_be() -> None:
 def test_points_without_a_grid_few_points_and_none() -> None:
     cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.1
     for points in (cube, cube[:2], cube[:1], np.repeat(cube[:1], 9, axis=0)):
-        rows, kinds = region_starts(points)
+        rows, _, kinds = all_starts([points])
         assert len(rows) == len(kinds) > 0
         assert np.isfinite(rows).all()
-    rows, kinds = region_starts(np.zeros((0, 3)))
+    rows, _, kinds = all_starts([np.zeros((0, 3))])
     assert rows.shape == (0, ROW) and kinds == []
     rows, owner, kinds = all_starts([np.zeros((0, 3)), cube])
     assert set(owner.tolist()) == {1}
-
-
-def test_quaternions_undo_matrices() -> None:
-    turns = Rotation.random(50, random_state=3)
-    half = Rotation.from_rotvec(np.pi * np.eye(3))
-    for rotation in (turns, half, Rotation.identity(1)):
-        found = quaternions(rotation.as_matrix())
-        back = Rotation.from_quat(found[:, [1, 2, 3, 0]])
-        np.testing.assert_allclose(back.as_matrix(), rotation.as_matrix(), atol=1e-6)

@@ -65,7 +65,7 @@ def test_it_falls_on_bundled_shapes(name, device, tmp_path):
             mesh = path
             start = fit(path, preset="fast", rounds=1, max_primitives=6).assembly
     target = make_target(mesh, device, 64, 4000)
-    from resfit.eval.metrics.prediction import rows_in_frame
+    from resfit.assembly.change_of_frame import rows_in_frame
 
     rows = rows_in_frame(start, target.transform)
     rng = np.random.default_rng(3)

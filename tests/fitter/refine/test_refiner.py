@@ -9,9 +9,10 @@ import pytest
 import trimesh
 import warp as wp
 
-from resfit.fitter.config import FitConfig, RefineConfig, preset_config
+from resfit.fitter.config import FitConfig, preset_config
 from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.objective.samples import objective_samples
+from resfit.fitter.presets import RefineConfig
 from resfit.fitter.refine.refiner import REFINERS
 from resfit.kernels.rows import SHAPES, empty_rows
 from resfit.shape.target import Target, make_target

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from resfit.fitter.objective.cached import CachedObjective
 from resfit.fitter.regularise.constraints import Constraints
-from resfit.fitter.regularise.rigid_motion import matrix_of
 from resfit.fitter.regularise.snap_axes import NEAR, ROTATIONS, snap_axes
 from resfit.fitter.regularise.transaction import Transaction
 from resfit.kernels.primitives import family
+from resfit.kernels.rotation import matrix_of
 from resfit.kernels.rows import ROTATION, SHAPE, SHAPES, empty_rows
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from voxel_solids import propose_regions
 
 from resfit.decomposition import propose
 from resfit.decomposition.proposals import proposals_for
-from resfit.decomposition.propose import propose_regions
 from resfit.fitter.config import preset_config
 from resfit.fitter.outcome import Status
 from resfit.fitter.search import multi_start, proposals

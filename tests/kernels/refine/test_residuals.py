@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from resfit.fitter.config import RefineConfig
+from resfit.fitter.presets import RefineConfig
 from resfit.kernels.refine.residual_points import OF_SECOND_C
 from resfit.kernels.refine.residuals import RESIDUALS, residual_weights
 
