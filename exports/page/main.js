@@ -2,7 +2,7 @@
 'use strict';
 
 function worldBox(part) {
-  const [low, high] = localBounds(part), box = {low: [9e9, 9e9, 9e9], high: [-9e9, -9e9, -9e9]};
+  const [low, high] = GEOMETRY[part.family].bounds(part.parameters), box = {low: [9e9, 9e9, 9e9], high: [-9e9, -9e9, -9e9]};
   for (let corner = 0; corner < 8; corner++) {
     const place = rotate(part.rotation, low.map((value, axis) => corner >> axis & 1 ? high[axis] : value));
     for (let axis = 0; axis < 3; axis++) {

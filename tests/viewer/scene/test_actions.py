@@ -12,6 +12,7 @@ from viewer_scenes import chain
 
 from resfit.assembly.assembly import Assembly
 from resfit.errors import InputError
+from resfit.kernels.primitives import DEFAULT_FAMILY
 from resfit.viewer.model.commands import COMMANDS
 from resfit.viewer.model.documents import Document
 from resfit.viewer.model.edit_session import EditSession
@@ -19,7 +20,7 @@ from resfit.viewer.model.view_options import SWITCHES, View
 from resfit.viewer.scene.camera import OrbitCamera
 from resfit.viewer.scene.controller import Controller
 from resfit.viewer.scene.file_actions import FileActions
-from resfit.viewer.scene.part_actions import FIRST_FAMILY, PartActions
+from resfit.viewer.scene.part_actions import PartActions
 from resfit.viewer.scene.view_actions import ViewActions
 
 
@@ -63,7 +64,7 @@ def test_parts_are_chosen_in_turn_and_acted_on(scene: Any) -> None:
     assert len(session.state.hidden) == 3
     assert actions.duplicate().endswith("is the copy") and session.selected == session.refs()[1]
     actions.delete()
-    assert actions.add() == f"added a {FIRST_FAMILY}"
+    assert actions.add() == f"added a {DEFAULT_FAMILY}"
     assert [actions.undo() for _ in range(5)][-1] == "nothing to undo"
     assert session.state.assemblies[0] == chain()
 
