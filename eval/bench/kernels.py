@@ -35,7 +35,7 @@ from .scaling import measure_peak, measure_scaling, scaling_table
 from .workload import measure_steps, say_row, workload_table
 
 
-def _family_workloads(device: wp.Device) -> Iterator[Workload]:
+def family_workloads(device: wp.Device) -> Iterator[Workload]:
     """Each family forward, and backward: all derivatives at every point, weighted and summed."""
     points = scene_points(POINTS, device, "random")
     scene = f"{PRIMITIVES} primitives x {POINTS} points"
@@ -174,7 +174,7 @@ def _grid_workloads(device: wp.Device) -> Iterator[Workload]:
 
 def workloads(device: wp.Device) -> Iterator[Workload]:
     """Everything that is measured, made one after the other."""
-    yield from _family_workloads(device)
+    yield from family_workloads(device)
     yield from _union_workloads(device)
     yield _normal_equations_workload(device)
     yield from _grid_workloads(device)
