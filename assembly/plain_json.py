@@ -76,7 +76,7 @@ def check_depth(value: Any, most: int) -> None:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value of JSON is a number that is finite as a float."""
+    """True if a value of JSON is a number that is finite as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     try:
@@ -86,7 +86,7 @@ def is_number(value: Any) -> bool:
 
 
 def at(value: Any, *keys: str) -> Any:
-    """What lies at a path of keys; None if there is nothing."""
+    """Value at a path of keys; None if there is nothing."""
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else None
     return value

@@ -38,7 +38,7 @@ _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a primitive lies, in the normalised frame.
+    """Pose of a primitive, in the normalised frame.
 
     Raises:
         AssemblyError: if a number is not finite, or the rotation is not a unit quaternion.

@@ -1,4 +1,4 @@
-"""Where an assembly came from: enough to make it again, and nothing that differs between two runs that agree.
+"""Provenance of an assembly: enough to make it again, and nothing that differs between two runs that agree.
 
 Times, paths and core counts stay out: same input, same seed and same options are the same bytes.
 """

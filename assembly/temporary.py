@@ -38,7 +38,7 @@ def temporary_name(stem: str = "", suffix: str = "") -> str:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file or folder of this name is a temporary one of ours."""
+    """True if a file or folder of this name is a temporary one of ours."""
     return PATTERN.fullmatch(name) is not None
 
 

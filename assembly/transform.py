@@ -83,7 +83,7 @@ class Transform:
             return as_points(points) * self.scale + np.asarray(self.translation)
 
     def to_field(self, points: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-        """Where to evaluate a field for `points` (n, 3) in mesh units, and what to add to the distances.
+        """Field arguments for `points` (n, 3) in mesh units, and what to add to the distances.
 
         Returns:
             points (n, 3) float32 in the normalised frame, none farther out than FAR_RADIUS (much farther,

@@ -1,4 +1,4 @@
-"""What the parts of an assembly are worth: by the report of the fit beside it, or by the volume each alone holds."""
+"""Worth of an assembly's parts: by the report of the fit beside it, or by the volume each alone holds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How regions lie: axes to sweep along, extents, holes, tapers and arcs, estimated from their points.
+"""Oriented boxes of regions: axes to sweep along, extents, holes, tapers and arcs, from their points.
 
 Everything takes the points of R regions at once, (R, m, 3), as many of each, in the normalised frame.
 """
@@ -95,7 +95,7 @@ def principal_axes(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def missing_margin(axes: np.ndarray, half_cell: np.ndarray) -> np.ndarray:
-    """What extents along axes (R, 3, k) of cell centres fall short by on either side, (R, k); half_cell (R,)."""
+    """Margin that extents of cell centres along axes (R, 3, k) lack either side, (R, k); half_cell (R,)."""
     aligned = np.abs(axes).max(axis=1) > 0.9999
     return half_cell[:, None] * np.where(aligned, 1.0, SLANTED)
 

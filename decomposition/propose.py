@@ -1,4 +1,4 @@
-"""Which regions are worth a primitive, given what is explained already."""
+"""Proposal of regions that are worth a primitive, given what is explained already."""
 
 from __future__ import annotations
 

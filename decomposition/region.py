@@ -71,7 +71,7 @@ class Region:
         return squares * ((2.0 / self.resolution) ** 2 / self.volume)
 
     def describe(self) -> dict[str, object]:
-        """What a history keeps of it: source, volume in cells, and the box it fills, [lower, upper) in cells."""
+        """Record for a history: source, volume in cells, and the bounding box, [lower, upper) in cells."""
         upper = self.lower + self.mask.shape
         return {
             "source": self.source,

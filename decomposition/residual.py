@@ -1,4 +1,4 @@
-"""What the assembly does not explain yet, without the noise around fitted surfaces."""
+"""Residual: what the assembly does not explain yet, without the noise around fitted surfaces."""
 
 from __future__ import annotations
 

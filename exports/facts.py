@@ -1,4 +1,4 @@
-"""What a page says about where its assembly came from: read from the report beside it, as plain sentences."""
+"""Provenance that a page tells of its assembly: read from the report beside it, as plain sentences."""
 
 from __future__ import annotations
 

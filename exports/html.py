@@ -128,7 +128,7 @@ def embedded(data: Any) -> str:
 
 
 def _family_table(family: Family) -> dict[str, Any]:
-    """What sliders need to know of a family; an open end of a range is None."""
+    """Slider settings of a family; an open end of a range is None."""
     return {
         "glsl": family.glsl,
         "approximate": family.approximate,

@@ -21,7 +21,7 @@ CELLS = 160
 
 
 class Surface(Protocol):
-    """What has vertices (n, 3) and triangles (m, 3): a trimesh, or what was loaded from a file."""
+    """Mesh protocol: vertices (n, 3) and triangles (m, 3); a trimesh, or what was loaded from a file."""
 
     @property
     def vertices(self) -> Any: ...

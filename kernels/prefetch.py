@@ -34,7 +34,7 @@ Loads = list[tuple[Callable[[], wp.Module], wp.Device]]
 
 
 def modules_of_fit(family: str, device: wp.Device) -> Loads:
-    """What gives the modules that a fit of one family uses, and where each runs.
+    """Loaders of the modules that a fit of one family uses, and the device of each.
 
     The longest to compile come first, then in order of use.
     """

@@ -59,7 +59,7 @@ class MeshReader(os.PathLike[str]):
         return self.path
 
     def read(self) -> LoadedMesh:
-        """What was read; once only.
+        """Result of the reading; once only.
 
         Raises:
             InputError: if the file cannot be read or holds no surface, or reading it ended the other process.

@@ -103,7 +103,7 @@ def _resolve_twins(faces: np.ndarray, twin: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _group(edges: Edges) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each patch is open, and the patch of each face; patches that close only together are one."""
+    """Mask of the open patches, and the patch of each face; patches that close only together are one."""
     patch = label_patches(edges)
     is_open = open_patches(edges, patch)
     if not is_open.any():
@@ -140,7 +140,7 @@ def _find_inverted(
     volumes: np.ndarray,
     device: wp.Device,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which bodies are inside out, and which are cavities; each (patches,) bool."""
+    """Masks of the bodies that are inside out, and of the cavities; each (patches,) bool."""
     closed = ~is_open
     inverted = np.zeros(len(is_open), bool)
     if volumes[closed].sum() < 0.0:

@@ -1,4 +1,4 @@
-"""How strongly a surface bends: the larger absolute principal curvature, per face, and its creases.
+"""Curvature of a surface: the larger absolute principal curvature, per face, and its creases.
 
 Frame: normalised, so that curvatures are in 1 / normalised units: a ball of radius 0.05 has 20.
 """

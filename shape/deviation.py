@@ -1,4 +1,4 @@
-"""How far an assembly's surface and its target's lie apart, both ways."""
+"""Two-sided surface deviation between an assembly and its target."""
 
 from __future__ import annotations
 

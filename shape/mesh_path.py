@@ -1,4 +1,4 @@
-"""Whether a path can be that of a mesh file, before anything is loaded that could read it. Imports nothing heavy."""
+"""Check of a mesh file's path, before anything is loaded that could read the file. Imports nothing heavy."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def find_boundary(
 
 
 def _beside_others(triangles: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Whether each triangle (m, 3, 3) reaches into the bounding box of a body that is not its own; (m,) bool."""
+    """Overlap of each triangle (m, 3, 3) with the bounding box of a body that is not its own; (m,) bool."""
     low, high = triangles.min(axis=1) - OFFSET, triangles.max(axis=1) + OFFSET
     label, body = np.unique(body, return_inverse=True)
     beside = np.zeros(len(triangles), bool)
@@ -132,7 +132,7 @@ def _halve(triangles: np.ndarray, side: np.ndarray) -> np.ndarray:
 
 
 def _covered(query: WindingQuery, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
-    """Whether the solid lies outside of the triangles (n, 3, 3), at points (p, 3) of each; (n, p) bool."""
+    """Containment in the solid just outside of triangles (n, 3, 3), at points (p, 3) of each; (n, p) bool."""
     if not len(triangles):
         return np.zeros((0, len(barycentric)), bool)
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,4 +1,4 @@
-"""Which open patches of a mesh bound a solid: by winding numbers beside them, else by flooding from outside.
+"""Open patches of a mesh that bound a solid: by winding numbers beside them, else by flooding from outside.
 
 Frame: normalised.
 """

@@ -1,4 +1,4 @@
-"""What the process does that reads a mesh for another one: see `reader.py`.
+"""Worker process that reads a mesh for another process: see `reader.py`.
 
 It may take a share of the machine's memory and no more, is the first to go where memory runs out all the same, and ends
 with its parent.

@@ -1,4 +1,4 @@
-"""Which parts of a mesh are the same part in another place: wheels, bolts, spokes."""
+"""Congruent parts of a mesh, the same part in another place: wheels, bolts, spokes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_VERTICES = 4000
 
 @dataclass(frozen=True)
 class Copy:
-    """How a part follows from an earlier one: p = turn @ q + shift, in the frame of the whole."""
+    """Rigid transform to a part from an earlier one: p = turn @ q + shift, in the frame of the whole."""
 
     source: int
     """Index of the earlier part, itself no copy."""

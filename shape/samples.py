@@ -69,7 +69,7 @@ class VolumePoints:
 
 @dataclass(frozen=True)
 class Samples:
-    """What the fitter looks at."""
+    """Sample points that the fitter looks at."""
 
     surface: SurfacePoints
     near: NearPoints

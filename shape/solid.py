@@ -35,7 +35,7 @@ MAX_JUDGEMENTS = 4
 
 
 def decide_solid(vertices: np.ndarray, faces: np.ndarray, scale: float, device: wp.Device) -> SolidQuery:
-    """What the solid of a welded mesh is, ready for queries.
+    """Classification of a welded mesh's solid, ready for queries.
 
     Args:
         vertices: (n, 3) float64, normalised. faces: (m, 3) int, m > 0.
@@ -140,7 +140,7 @@ def _winds(
     judged: np.ndarray,
     device: wp.Device,
 ) -> np.ndarray:
-    """Whether faces `bounding` (m,) wind clearly round what is behind `judged` (m,), holes closed; (m,) bool.
+    """Mask of faces `judged` (m,) behind which `bounding` (m,), holes closed, wind clearly; (m,) bool.
 
     Without that, nothing would be inside behind a patch, however dry the flood left it.
     """

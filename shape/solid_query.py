@@ -42,7 +42,7 @@ class Solid:
 
 
 class WindingQuery:
-    """What some faces wind round, ready for queries.
+    """Winding-number query of some faces.
 
     Attributes:
         mesh: query of the faces.
@@ -58,7 +58,7 @@ class WindingQuery:
         self.crowded = lies_across_itself(self.mesh)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Whether the faces wind round points (n, 3), normalised, more than half a time; (n,) bool."""
+        """Point containment by winding number above 1/2, of points (n, 3), normalised; (n,) bool."""
         points = np.ascontiguousarray(points, np.float32)
         device = self.mesh.device
         asked = wp.array(points, dtype=wp.vec3, device=device)
@@ -74,7 +74,7 @@ class WindingQuery:
 
 @dataclass(frozen=True)
 class Located:
-    """Where the surface of a solid is, seen from n points; normalised."""
+    """Closest points of a solid's surface to n points; normalised."""
 
     distance: np.ndarray
     """(n,) float32, signed, negative inside."""

@@ -67,7 +67,7 @@ def find_specks(
 
 
 def _has_far_faces(corners: np.ndarray) -> bool:
-    """Whether the bulk of faces (m, 3, 3), in a frame in which all are of size 1, is small enough for specks."""
+    """True if the bulk of faces (m, 3, 3), in a frame where all are of size 1, is small enough for specks."""
     areas = _areas(corners)
     if not areas.sum() > 0.0:
         return False

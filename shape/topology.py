@@ -1,4 +1,4 @@
-"""Which faces hang together, close, and can be turned the same way round: edges and patches of a mesh."""
+"""Mesh topology: edges, connected patches of faces, whether they close, and their orientability."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def find_edges(faces: np.ndarray) -> Edges:
 
 
 def is_balanced(edges: Edges) -> bool:
-    """Whether every edge is passed as often one way as the other: then the mesh winds round any point a whole
+    """True if every edge is passed as often one way as the other: then the mesh winds round any point a whole
     number of times, however its bodies overlap or touch."""
     sums = np.bincount(edges.side_edge.ravel(), edges.side_direction.ravel(), edges.count)
     return not sums.any()
@@ -111,7 +111,7 @@ def adjacent_faces(edges: Edges) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def find_turned(edges: Edges, area: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Which faces to turn over so that neighbours agree.
+    """Consistent orientation: the faces to turn over so that neighbours agree.
 
     Of the two ways round, each patch takes the one that turns less area. A patch that cannot agree with itself
     (a Moebius strip) is left as it is.
@@ -146,7 +146,7 @@ def find_turned(edges: Edges, area: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def open_patches(edges: Edges, patch: np.ndarray) -> np.ndarray:
-    """Whether each patch has an edge that its own faces do not pass both ways equally, (patches,) bool."""
+    """Mask of patches with an edge that their own faces do not pass both ways equally, (patches,) bool."""
     key = patch[:, None] * np.int64(edges.count) + edges.side_edge
     unique, inverse = np.unique(key, return_inverse=True)
     sums = np.bincount(inverse.ravel(), edges.side_direction.ravel())

@@ -61,7 +61,7 @@ def weld_vertices(
 
 
 def clean_faces(faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Which faces to keep: those with three different corners, and of equal ones the first.
+    """Find the faces to keep: those with three different corners, and of equal ones the first.
 
     A thin triangle with three different corners in one line stays: without it its neighbours would no longer
     meet. Two faces with the same corners but turned against each other both stay, too: they may be the two
@@ -98,7 +98,7 @@ def _dropped(count: int, what: str) -> str:
 
 
 def has_area(vertices: np.ndarray, faces: np.ndarray, least: float = 0.0) -> bool:
-    """Whether any triangle, across its longest side, is wider than `least` when the mesh is scaled to size 1."""
+    """True if any triangle, across its longest side, is wider than `least`, the mesh scaled to size 1."""
     low = vertices.min(axis=0)
     side = max(float((vertices.max(axis=0) - low).max()), SMALLEST)
     for first in range(0, len(faces), BLOCK):

@@ -68,7 +68,7 @@ def _convex_pieces(depth: np.ndarray, seed: int) -> list[np.ndarray]:
 
 
 def _cells_in_hull(hull: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Which cells (m, 3) lie in the convex hull of points, with half a cell to spare."""
+    """Containment of cells (m, 3) in the convex hull of points, with half a cell to spare."""
     if len(hull) < 4:
         return np.zeros(len(cells), bool)
     try:

@@ -15,7 +15,7 @@ from ..residual import Residual
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What proposals take apart, and how much of it."""
+    """Unexplained residual that proposals take apart, and how much of it."""
 
     residual: Residual
     device: wp.Device

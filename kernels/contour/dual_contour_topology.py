@@ -1,4 +1,4 @@
-"""Which edges of a grid cell belong to one sheet of the surface: the topology of dual contouring.
+"""Topology of dual contouring: the edges of a grid cell that belong to one sheet of the surface.
 
 A cell has 8 corners (bit 0 of a number is x, bit 1 y, bit 2 z) and 12 edges (4 * axis + position). On each of its 6
 faces (2 * axis + side) the crossed edges pair up; following the pairs round the cell gives closed loops, the patches,

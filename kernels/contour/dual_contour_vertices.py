@@ -31,7 +31,7 @@ ON_SURFACE = 1e-4
 
 
 def refine_crossings(field: SampledField, crossings: Crossings) -> tuple[np.ndarray, np.ndarray]:
-    """Where the field is zero on each crossed edge, and the unit normal there, both (n, 3) float32, in cells."""
+    """Root of the field on each crossed edge, and the unit normal there, both (n, 3) float32, in cells."""
     direction = np.eye(3, dtype=np.float32)[crossings.axis]
     share = _find_zeros(field, crossings, direction)
     position = (crossings.start + share[:, None] * direction).astype(np.float32)

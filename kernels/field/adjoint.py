@@ -117,7 +117,7 @@ def chain_rows_kernel(
 
 @dataclass(frozen=True)
 class _Folded:
-    """What the forward step leaves behind; slots as in `adjoint_kernels`."""
+    """Intermediate results of the forward step; slots as in `adjoint_kernels`."""
 
     field: wp.array
     values: wp.array

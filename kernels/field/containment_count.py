@@ -1,4 +1,4 @@
-"""How many primitives hold each point: only blocks that a primitive's surface passes are asked point by point."""
+"""Number of primitives that contain each point: only blocks that a surface passes are asked by point."""
 
 # No postponed annotations here: Warp reads the kernels' own, which name a family's table.
 
@@ -58,7 +58,7 @@ def count_kernel(name: str) -> wp.Kernel:
 
 
 def count_containing(primitives: PrimitiveSet, blocks: PointBlocks, bounds: BlockBounds) -> wp.array:
-    """How many primitives, each alone and ungated, hold each point: (padded points,) int32.
+    """Number of primitives, each alone and ungated, that contain each point: (padded points,) int32.
 
     Args:
         primitives: at least one.

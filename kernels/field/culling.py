@@ -1,4 +1,4 @@
-"""Which primitives can matter to a block of points: bounds at its bounding sphere, folded through the union.
+"""Culling of primitives per block of points: bounds at its bounding sphere, folded through the union.
 
 Within a block's sphere of radius r about c, primitive k lies in [f_k(c) - reach, f_k(c) + reach]. The smooth union is
 monotone in both arguments, so folding the bounds bounds the union; a primitive that is a blend radius above the union

@@ -1,4 +1,4 @@
-"""What the machine does at best: a kernel that only multiplies and adds."""
+"""Peak FLOPS of the machine: a kernel that only multiplies and adds."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class PointBlocks:
 
     @property
     def device(self) -> wp.Device:
-        """Where the coordinates are."""
+        """Device of the coordinates."""
         return self.x.device
 
 
@@ -146,7 +146,7 @@ def from_grid_blocks(values: np.ndarray, shape: tuple[int, int, int]) -> np.ndar
 
 
 def any_in_blocks(mask: np.ndarray) -> np.ndarray:
-    """Whether any point of each block of `grid_blocks` is true in `mask`, the grid's: (block_count,) int32."""
+    """Logical or of `mask`, the grid's, over each block of `grid_blocks`: (block_count,) int32."""
     size = [-(-n // CUBE) * CUBE for n in mask.shape]
     whole = np.zeros(size, bool)
     whole[tuple(slice(0, n) for n in mask.shape)] = mask

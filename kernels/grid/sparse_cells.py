@@ -61,8 +61,8 @@ class CellSet:
 
     @cached_property
     def arrays(self) -> tuple[wp.array, wp.array, wp.vec3i]:
-        """What kernels on the CPU need: the index into the bordered grid of each place, the other way round, and the
-        strides of the bordered grid."""
+        """CPU kernel arguments: the index into the bordered grid of each place, the other way round, and
+        the strides of the bordered grid."""
         return on_cpu(self._flat), on_cpu(self._place_at), wp.vec3i(*self.strides)
 
     def run_lengths(self) -> np.ndarray:
@@ -110,7 +110,7 @@ def crop(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Survey:
-    """Where the parts of a set of cells are, and how they touch."""
+    """Bounding boxes and contacts of the parts of a set of cells."""
 
     contacts: np.ndarray
     """(parts, parts) int32, faces that a cell of one part and the next cell, of the other, share; 0 on the diagonal."""
@@ -120,7 +120,7 @@ class Survey:
 
 
 def survey_parts(cells: CellSet, part: np.ndarray, count: int) -> Survey:
-    """How `count` parts lie, given the part (m,) int32 of each cell."""
+    """Bounding boxes and contacts of `count` parts, given the part (m,) int32 of each cell."""
     flat, place_at, strides = cells.arrays
     contacts = np.zeros((count, count), np.int32)
     lower, upper = np.full((count, 3), max(cells.shape), np.int32), np.zeros((count, 3), np.int32)

@@ -1,4 +1,4 @@
-"""Which cells of a grid are inside a mesh: signed crossings of columns; winding numbers if the mesh has holes.
+"""Solid voxelisation of a mesh: signed crossings of grid columns; winding numbers if the mesh has holes.
 
 Faces are drawn onto the cell columns of each axis. Walking along a column, every face crossed changes by one the
 count of how often the mesh winds round the cell; inside is where the count is positive. Where an edge cuts a row of
@@ -34,7 +34,7 @@ THREADS_PER_LAUNCH = 1 << 16
 
 @dataclass(frozen=True)
 class ColumnCounts:
-    """What the columns of three axes say about the cells of a grid; the rest is outside."""
+    """Cell counts by the columns of three axes of a grid; the rest is outside."""
 
     inside: int
     """Cells that all axes found inside."""
@@ -45,7 +45,7 @@ class ColumnCounts:
 
 
 def classify_cells(query: MeshQuery, resolution: int) -> tuple[wp.array, ColumnCounts]:
-    """Whether each cell centre of [-1, 1]^3 is inside the mesh.
+    """Containment of each cell centre of [-1, 1]^3 in the mesh.
 
     Args:
         query: the mesh; faces counter-clockwise seen from outside. What lies beyond [-1, 1]^3 counts as well.

@@ -26,7 +26,7 @@ UNSEEN = wp.constant(-1)
 
 
 def winding_numbers(query: MeshQuery, points: wp.array) -> wp.array:
-    """How often the mesh winds round each of the points (n,) vec3, to about 0.015; (n,) float32.
+    """Winding number of the mesh about each of the points (n,) vec3, to about 0.015; (n,) float32.
 
     A whole number where the mesh closes; positive where its faces are counter-clockwise seen from outside. It
     takes 5 us near a plain surface, and 50 near a mesh of many layers.
@@ -46,13 +46,13 @@ def winding_numbers(query: MeshQuery, points: wp.array) -> wp.array:
 
 
 def lies_across_itself(query: MeshQuery) -> bool:
-    """Whether so many faces are near any point that a hierarchy of them only costs time."""
+    """True if so many faces are near any point that a hierarchy of them only costs time."""
     boxes = boxes_per_point(query.vertices.numpy(), query.faces.numpy().reshape(-1, 3))
     return boxes > max(CROWDED, query.face_count / FACES_PER_BOX)
 
 
 def look_at_cells(query: MeshQuery, points: wp.array, inside: wp.array) -> wp.array:
-    """Whether points are inside the mesh, by the nearest cell whose centre they see: no face lies between.
+    """Point containment in the mesh, by the nearest cell whose centre a point sees: no face lies between.
 
     Args:
         query: the mesh.

@@ -37,7 +37,7 @@ WINDING_ERROR = wp.constant(0.02)
 
 
 def wind_cells(query: MeshQuery, steps: list[wp.array]) -> wp.array:
-    """Whether the winding number exceeds 1/2 at each cell centre of [-1, 1]^3.
+    """Winding-number test of each cell centre of [-1, 1]^3: true above 1/2.
 
     Args:
         query: the mesh.

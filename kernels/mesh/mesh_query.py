@@ -29,7 +29,7 @@ right to 0.015; 2 takes nearly twice as long and decides one point in a thousand
 
 @dataclass(frozen=True)
 class ClosestPoints:
-    """What is nearest to n points; a point with nothing within the search distance has face -1."""
+    """Closest points of the mesh to n points; a point with nothing within the search distance has face -1."""
 
     distance: wp.array
     """(n,) float32, unsigned; infinity where nothing was found."""
@@ -141,7 +141,7 @@ class MeshQuery:
 
 @wp.func_native("return wp::mesh_query_winding_number(mesh, point, accuracy);")
 def winding_number(mesh: wp.uint64, point: wp.vec3, accuracy: float) -> float:
-    """How often the mesh winds round `point`. Warp's Python functions tell only its sign against a threshold."""
+    """Winding number about `point`. Warp's Python functions tell only its sign against a threshold."""
 
 
 @wp.kernel

@@ -27,7 +27,7 @@ LOOKED_AT = 10_000
 
 @dataclass(frozen=True)
 class CellBand:
-    """What is nearest to the cells near a mesh, of n^3 cells of [-1, 1]^3; of the other cells nothing is known."""
+    """Closest points of the cells near a mesh, of n^3 cells of [-1, 1]^3; the other cells are unknown."""
 
     distance: wp.array
     """(n, n, n) float32."""
@@ -40,7 +40,7 @@ class CellBand:
 
 
 def is_crowded(vertices: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether so many faces lie across each other that a query of one point or ray looks at very many of them.
+    """True if so many faces lie across each other that a query of a point or ray looks at very many of them.
 
     Args:
         vertices: (n, 3), normalised.

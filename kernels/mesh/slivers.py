@@ -21,7 +21,7 @@ LOOKED_AT = 1000
 
 
 def seen_faces(vertices: np.ndarray, faces: np.ndarray, limit: float = SLIVER) -> np.ndarray:
-    """Which faces (m, 3) of vertices (n, 3) queries see; (m,) bool."""
+    """Mask of the faces (m, 3) of vertices (n, 3) that queries see; (m,) bool."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     squares = sum(((q - p) ** 2).sum(axis=1) for p, q in ((a, b), (a, c), (b, c)))
     return ~(np.linalg.norm(np.cross(b - a, c - a), axis=1) < limit * squares)

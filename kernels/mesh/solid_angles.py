@@ -22,7 +22,7 @@ TURN = wp.constant(0.5 / math.pi)
 
 
 def summed_winding_numbers(query: MeshQuery, points: PointBlocks) -> wp.array:
-    """How often the mesh winds round each of n points, to about 1e-5; (n,) float32.
+    """Winding number of the mesh about each of n points, to about 1e-5; (n,) float32.
 
     Takes 2 ns a face and point.
     """

@@ -38,7 +38,7 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Rule:
-    """What may become canonical of a shape."""
+    """Rule for one value of a shape that may become canonical."""
 
     name: str
     """The parameter; or another word where `impose` and `read` are given."""

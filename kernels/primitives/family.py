@@ -1,4 +1,4 @@
-"""What a primitive family is: all that the rest of the package knows of a kind of primitive."""
+"""Interface of a primitive family: all that the rest of the package knows of a kind of primitive."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Family(ParameterTable):
     """Place in the registry: the package's own in alphabetical order, then the others."""
 
     def revolves(self, shape: np.ndarray, near: float = 0.0) -> bool:
-        """Whether the shape (SHAPE,) is a body of revolution about z, but for `near`."""
+        """True if the shape (SHAPE,) is a solid of revolution about z, but for `near`."""
         if self.has("size"):
             x, y = shape[self.columns("size")][:2]
             if abs(x - y) > near * max(x, y):

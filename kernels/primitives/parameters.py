@@ -32,7 +32,7 @@ class Parameter:
 
     @property
     def count(self) -> int:
-        """How many numbers the entry has."""
+        """Number of components of the entry."""
         return len(self.default)
 
 
@@ -59,7 +59,7 @@ class ParameterTable:
         return sum(parameter.count for parameter in self.parameters)
 
     def columns(self, name: str) -> slice:
-        """Where the parameter `name` lies in the shape part of a row."""
+        """Columns of the parameter `name` in the shape part of a row."""
         begin = 0
         for parameter in self.parameters:
             if parameter.name == name:
@@ -80,7 +80,7 @@ class ParameterTable:
         return self.lengths if columns is None else list(range(columns.start, columns.stop))
 
     def has(self, *names: str) -> bool:
-        """Whether it has parameters of these names."""
+        """True if it has parameters of these names."""
         return all(any(parameter.name == name for parameter in self.parameters) for name in names)
 
     def value(self, shape: np.ndarray, name: str, otherwise: float) -> float:
@@ -95,7 +95,7 @@ class ParameterTable:
         return changed
 
     def holds(self, values: Values | None, shape: np.ndarray, near: float = 0.0) -> bool:
-        """Whether the parameters of a shape (SHAPE,) have these values, but for `near`; never for None."""
+        """True if the parameters of a shape (SHAPE,) have these values, but for `near`; never for None."""
         if values is None:
             return False
         return all(abs(float(shape[column]) - value) <= near for column, value in self._wanted(values))

@@ -1,4 +1,4 @@
-"""What a region of a mesh could be, in terms that every family is told: a rounded profile, swept.
+"""Swept solids that a region of a mesh could be, in terms that every family is told: rounded profiles.
 
 Conventions are the SuperFrustum's: z is swept along; a positive bulge arcs towards -x, its chord, of length size z,
 along z.

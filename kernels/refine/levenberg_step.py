@@ -38,7 +38,7 @@ SHAPE_LIMIT, BLEND_LIMIT = wp.constant(0.25), wp.constant(0.02)
 
 @dataclass(frozen=True)
 class Damping:
-    """How the damping answers to a trial."""
+    """Damping schedule: factors after a better or worse trial, and limits."""
 
     better: float
     worse: float
@@ -48,7 +48,7 @@ class Damping:
 
 @dataclass(frozen=True)
 class StepState:
-    """What a sequence of steps carries along; flat float32 arrays but for `kept`."""
+    """State of a sequence of steps; flat float32 arrays but for `kept`."""
 
     rows: wp.array
     """(primitive_count * ROW,) the best so far."""

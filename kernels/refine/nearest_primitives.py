@@ -1,4 +1,4 @@
-"""Who answers for a point: the nearest primitive, the runner-up, and their shares in the union.
+"""Nearest primitive of a point, the runner-up, and their shares in the union.
 
 Each block of points is shown only the primitives that can matter there: those that can change the union, and those
 that can cover a point (be below a given distance), of which the second nearest is wanted. Everything stays on the
@@ -33,7 +33,7 @@ MARGIN = wp.constant(1.0e-5)
 
 @wp.struct
 class Owners:
-    """What a loss reads of an `NearestPrimitives`, as an argument of kernels."""
+    """Arrays of a `NearestPrimitives` that a loss reads, as an argument of kernels."""
 
     field: wp.array[float]
     owner: wp.array[int]
@@ -45,7 +45,7 @@ class Owners:
 
 @dataclass(frozen=True)
 class NearestPrimitives:
-    """What the union looks like at each point, padding included; distances are normalised, negative inside."""
+    """Union and nearest primitives at each point or padding; distances are normalised, negative inside."""
 
     field: wp.array
     """(n,) smooth union."""

@@ -18,7 +18,7 @@ OWNER_BLOCK_C = wp.constant(OWNER_BLOCK)
 
 @wp.struct
 class Wanted:
-    """What rows want of the union at their points, as an argument of kernels; see `PointBatches`."""
+    """Targets and weights of the union at the rows' points, as an argument of kernels; see `PointBatches`."""
 
     target: wp.array[float]
     weight: wp.array[float]
@@ -138,7 +138,7 @@ def shared_points(
 
 
 def _pack(groups: np.ndarray, group_count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which point stands at each place of the padded blocks (-1 in padding), and each group's number of blocks."""
+    """Index of the point at each place of the padded blocks (-1 in padding), and each group's block count."""
     counts = np.bincount(groups, minlength=group_count)
     blocks = -(-counts // OWNER_BLOCK)
     first = np.concatenate([[0], np.cumsum(blocks)])

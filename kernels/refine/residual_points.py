@@ -46,7 +46,7 @@ class ResidualPoints:
 
 @dataclass(frozen=True)
 class Contributions:
-    """What the points contribute at one moment."""
+    """Contributions of the points to the loss and its rows at one moment."""
 
     loss: wp.array
     """(block_count,) float32: weighted squared errors, with those of covered points."""

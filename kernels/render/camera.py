@@ -123,7 +123,7 @@ class Rays:
 
     @property
     def device(self) -> wp.Device:
-        """Where they are."""
+        """Device of the rays."""
         return self.origin.device
 
 

@@ -82,7 +82,7 @@ class RayQueue:
             self.count = kept
 
     def points(self, distance: wp.array) -> PointBlocks:
-        """Where the live rays are at their `distance`."""
+        """Points of the live rays at their `distance`."""
         size = padded_count(self.count)
         x, y, z = (column[:size] for column in self._xyz)
         launch(

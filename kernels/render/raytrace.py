@@ -43,7 +43,7 @@ MAX_PIXELS = 1 << 26
 
 
 class Scene(Protocol):
-    """What can be rendered; `sdf_scene` and `mesh_scene` say what the methods mean."""
+    """Protocol of a scene to render; `sdf_scene` and `mesh_scene` say what the methods mean."""
 
     device: wp.Device
     lower: np.ndarray

@@ -32,7 +32,7 @@ SHORTEST_FACTOR = 0.08
 
 @dataclass(frozen=True)
 class Box:
-    """Where the surface lies; rays are followed only within."""
+    """Bounding box of the surface; rays are followed only within."""
 
     lower: wp.vec3
     upper: wp.vec3
@@ -40,7 +40,7 @@ class Box:
 
 @wp.func
 def box_span(lower: wp.vec3, upper: wp.vec3, origin: wp.vec3, direction: wp.vec3):
-    """Where a ray enters and leaves a box; it misses where it leaves before it enters."""
+    """Ray-box intersection: where a ray enters and leaves; it misses where it leaves before it enters."""
     near = float(0.0)
     far = float(NO_HIT)
     for axis in range(3):

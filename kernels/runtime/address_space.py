@@ -1,4 +1,4 @@
-"""Whether this process may use the memory that fitting takes. Imports nothing heavy."""
+"""Check that this process may use the memory that fitting takes. Imports nothing heavy."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Buffer:
             self.array.assign(self.host)
 
     def download(self) -> np.ndarray:
-        """What the device wrote: `host`."""
+        """Copy to `host` what the device wrote, and return it."""
         if not self.array.device.is_cpu:
             self.host[:] = self.array.numpy()
         return self.host

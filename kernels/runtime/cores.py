@@ -1,4 +1,4 @@
-"""How many CPU cores to use. Imports nothing heavy, so that it can be asked first."""
+"""Number of CPU cores to use. Imports nothing heavy, so that it can be asked first."""
 
 from __future__ import annotations
 

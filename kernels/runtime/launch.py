@@ -262,7 +262,7 @@ def launch(
 
 
 def _edges(count: int, seconds_per_thread: float, device: wp.Device) -> list[int]:
-    """Where a launch is cut for the cores."""
+    """Edges of the ranges that a launch is cut into for the cores."""
     parts = 1
     if device.is_cpu and count * seconds_per_thread > SPLIT_SECONDS:
         parts = min(_cores_here(), count)
@@ -279,7 +279,7 @@ def _run_in_parts(run: Callable[[int, int], None], edges: list[int]) -> None:
 
 @dataclass
 class Usage:
-    """What a kernel took."""
+    """Launch count and run time of a kernel."""
 
     launches: int = 0
     seconds: float = 0.0

@@ -89,12 +89,12 @@ def _load_or_compile(module: wp.Module, device: wp.Device) -> None:
 
 
 def is_cached(module: wp.Module, device: wp.Device) -> bool:
-    """Whether Warp's cache holds the machine code of a module."""
+    """True if Warp's cache holds the machine code of a module."""
     return _cached_code(module, device).exists()
 
 
 def _ends_in_zeros(code: Path) -> bool:
-    """Whether a file of machine code is empty, or lacks its end: Warp loads zeros as a module without kernels."""
+    """True if a machine-code file is empty or lacks its end: Warp loads zeros as a module without kernels."""
     with suppress(OSError), code.open("rb") as stream:
         stream.seek(max(0, stream.seek(0, os.SEEK_END) - _LAST_BYTES))
         return not any(stream.read())

@@ -1,1 +1,1 @@
-"""Which candidates cover which sample points, and what a choice among them gains."""
+"""Coverage of sample points by candidates, and the gain of a choice among them."""

@@ -1,4 +1,4 @@
-"""What each of several blend radii of one primitive would make of a smooth union, from its primitives' distances.
+"""Trial blend radii of one primitive: the smooth union with each, from its primitives' distances.
 
 At a point only few primitives can change the union: those nearer, by the widest blend, than all before them. The rest
 are left out once and for all, without any change of the values.

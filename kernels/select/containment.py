@@ -1,4 +1,4 @@
-"""Which points primitives hold, as masks: for many small primitives at the same points.
+"""Point containment in primitives, as bit masks: for many small primitives at the same points.
 
 Most points are far from a small primitive: they are kept in blocks of neighbours, and a block that lies wholly outside
 a primitive, or wholly inside, is settled by its bounding sphere.
@@ -108,7 +108,7 @@ class PointContainment:
         self.order = wp.array(order.astype(np.int32), dtype=int, device=device)
 
     def masks(self, primitives: PrimitiveSet) -> np.ndarray:
-        """Which points each primitive holds, a bit a point: (primitive_count, words) uint32."""
+        """Bit masks of the points in each primitive, a bit a point: (primitive_count, words) uint32."""
         blocks, count, device = self.blocks, len(primitives), primitives.device
         words, block_words = -(-blocks.count // WORD), blocks.block_count * (BLOCK // WORD)
         if not count:

@@ -125,7 +125,7 @@ def sum_removals_kernel(
     # outputs
     out_sums: wp.array[wp.float64],
 ):
-    """What one member alone holds, by kind, and the points of the box that it and just one other hold."""
+    """Sum what one member alone holds, by kind, and the points of the box that it and just one other hold."""
     member = first + wp.tid()
     k = members[member]
     for entry in range(HARD_SUMS_C):
@@ -152,7 +152,7 @@ class ChangedPoints:
 
 
 class CoverageCounts:
-    """How often the members of a choice hold each point, and the sums of what they hold.
+    """Coverage counts: number of members of a choice that hold each point, and the sums of what they hold.
 
     Attributes:
         counts: (point_count,) int32.
@@ -200,7 +200,7 @@ class CoverageCounts:
         self.held.download()
 
     def save(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `restore` needs to come back to these counts."""
+        """Snapshot from which `restore` comes back to these counts."""
         return self.counts.download().copy(), self.held.host.copy()
 
     def restore(self, saved: tuple[np.ndarray, np.ndarray]) -> None:
@@ -210,7 +210,7 @@ class CoverageCounts:
         self.held.upload()
 
     def removals(self, members: Sequence[int]) -> np.ndarray:
-        """What would no longer be held without each of the members: (members, HARD_SUMS) float64."""
+        """Marginal loss without each of the members: (members, HARD_SUMS) float64."""
         asked = wp.array(np.array(members, np.int32), dtype=int, device=self.device)
         sums = wp.empty(max(1, len(members) * HARD_SUMS), dtype=wp.float64, device=self.device)
         launch(
@@ -232,7 +232,7 @@ class CoverageCounts:
 
 
 class MarginalGains:
-    """What each candidate would add to what a choice holds, mended where a change of the counts changes it."""
+    """Marginal gain of each candidate over a choice, mended where a change of the counts changes it."""
 
     def __init__(self, counts: CoverageCounts):
         """`counts` has no members yet."""
@@ -250,7 +250,7 @@ class MarginalGains:
         self.run = LaunchGraph(self._launch, counts.device, capture=False)
 
     def of_all(self) -> np.ndarray:
-        """What the sums grow by with each candidate: (candidates, HARD_SUMS) float64."""
+        """Marginal gain of the sums with each candidate: (candidates, HARD_SUMS) float64."""
         width = self.group_count * GROUP
         return (
             self.sums.host[: HARD_SUMS * width].reshape(HARD_SUMS, width)[:, : self.counts.coverage.count].T
@@ -282,7 +282,7 @@ class MarginalGains:
         self.sums.download()
 
     def save(self) -> np.ndarray:
-        """What `restore` needs to come back to these sums."""
+        """Snapshot from which `restore` comes back to these sums."""
         return self.sums.host.copy()
 
     def restore(self, saved: np.ndarray) -> None:

@@ -1,5 +1,5 @@
-"""Which sample points many candidates hold, in the two forms that selection asks for: lists of the points that each
-candidate holds, and a row of bits for each point, one a candidate.
+"""Coverage sets of many candidates, in the two forms that selection asks for: lists of the sample points
+that each candidate holds, and a row of bits for each point, one a candidate.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def masks_of(bits: np.ndarray) -> np.ndarray:
 
 
 class CandidateCoverage:
-    """Which sample points each candidate holds.
+    """Coverage sets: the sample points that each candidate holds.
 
     Attributes:
         count: candidates.

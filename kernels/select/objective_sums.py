@@ -43,7 +43,7 @@ NEAR_IN_C, NEAR_OUT_C, BOX_IN_C, BOX_OUT_C, TWICE_C, BARE_C = (wp.constant(colum
 
 
 class Prices(NamedTuple):
-    """What an objective is made of beside the sums of a set."""
+    """Prices and totals of an objective, beside the sums of a set."""
 
     near_total: float
     """Weight of the near points in the target."""

@@ -169,7 +169,7 @@ def replace_members_kernel(
 def replace_members(
     counts: CoverageCounts, newcomers: Sequence[int], members: Sequence[int], prices: Prices
 ) -> tuple[np.ndarray, list[list[int]]]:
-    """What each newcomer to a choice makes of it if members leave, one by one, while that raises the objective.
+    """Swap move of each newcomer to a choice: members leave, one by one, while that raises the objective.
 
     Args:
         counts: of the choice, which stays as it is.

@@ -102,7 +102,7 @@ def _unpack(path: Path, folder: Path) -> list[PurePosixPath]:
 
 
 def _is_tar(head: bytes) -> bool:
-    """Whether a block of 512 bytes is the head of a tar archive, by its checksum."""
+    """True if a block of 512 bytes is the head of a tar archive, by its checksum."""
     try:
         tarfile.TarInfo.frombuf(head, "utf-8", "surrogateescape")
     except tarfile.HeaderError:

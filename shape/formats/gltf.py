@@ -36,7 +36,7 @@ def read(path: Path) -> MeshFile:
 
 
 class _Scene:
-    """What is gathered on the way through the nodes."""
+    """Pieces of a scene, gathered in the traversal of its nodes."""
 
     def __init__(self, document: Document) -> None:
         self.document = document

@@ -95,7 +95,7 @@ class Accessors:
         return stored[:, 0].astype(np.int64)
 
     def misses_bounds(self, index: int, points: npt.NDArray[Any]) -> bool:
-        """Whether the `min` and `max` of an accessor are not those of its points.
+        """True if the `min` and `max` of an accessor are not those of its points.
 
         Args:
             index: of the accessor.

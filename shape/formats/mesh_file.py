@@ -1,4 +1,4 @@
-"""What a reader returns: the named pieces of a mesh file, in the file's own frame and unit."""
+"""Contents of a mesh file, as a reader returns them: named pieces, in the file's own frame and unit."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Element:
 
 @dataclass
 class Header:
-    """What stands before the records."""
+    """Header of a PLY file, which stands before the records."""
 
     is_text: bool
     elements: dict[str, Element]

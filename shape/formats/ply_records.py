@@ -28,7 +28,7 @@ Placed = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]
 
 @dataclass(frozen=True)
 class Records:
-    """Where the records of an element are."""
+    """Byte offsets of the records of an element."""
 
     element: Element
     data: bytes | memoryview
@@ -159,6 +159,6 @@ def _walk(data: bytes | memoryview, begin: int, element: Element, count: int, wh
 
 
 def _unpacker(dtype: np.dtype) -> Callable[[bytes | memoryview, int], tuple[Any, ...]]:
-    """What reads one number of a type at any byte."""
+    """Function that reads one number of a type at any byte."""
     order, code = dtype.str[0], dtype.str[1:]
     return struct.Struct(order.replace("|", "<") + CODES[code]).unpack_from

@@ -151,7 +151,7 @@ def _corners(text: bytes, path: Path) -> npt.NDArray[np.float64]:
 
 
 def _not_a_number(text: bytes, path: Path) -> InputError:
-    """What to say of the first word of a text that is no number."""
+    """Error about the first word of a text that is no number."""
     for word in text.split():
         try:
             float(word)

@@ -52,7 +52,7 @@ def printable(name: str) -> str:
 
 
 def is_whole(values: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    """Which numbers are integers that an int64 can hold."""
+    """Mask of the numbers that are integers that an int64 can hold."""
     return (np.abs(values) < 2.0**53) & (np.floor(values) == values)
 
 
@@ -112,7 +112,7 @@ class TextLines:
         return self.first_line + int(index) + self.text.count(b"\v", 0, int(self.starts[index]))
 
     def name(self, index: int | np.integer) -> str:
-        """What messages call a line."""
+        """Name of a line in messages."""
         return f"line {self.number(index)} of {self.where}"
 
     def numbers(

@@ -69,7 +69,7 @@ class Object:
 
 @dataclass
 class Model:
-    """What a model part holds."""
+    """Contents of a model part."""
 
     unit: str = "millimeter"
     objects: dict[str, Object] = field(default_factory=dict)

@@ -29,7 +29,7 @@ METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2)
 
 
 class Stream(Protocol):
-    """What can be read from."""
+    """Protocol of a readable stream."""
 
     def read(self, size: int = -1, /) -> bytes: ...
 
@@ -60,7 +60,7 @@ class Metered:
 
 
 def _too_large(path: Path, way: str = GIVE) -> InputError:
-    """What is said of a file that unpacks to more than it may; `way` is what to do."""
+    """Error about a file that unpacks to more than it may; `way` is what to do."""
     return InputError(
         f"'{path}' unpacks to more than {RATIO} times its size, or than half of the free disk; {way}."
     )
@@ -116,7 +116,7 @@ def check_members(path: Path, members: Iterable[zipfile.ZipInfo], way: str = GIV
 
 
 def too_many(path: Path) -> InputError:
-    """What is said of an archive of too many files."""
+    """Error about an archive of too many files."""
     return InputError(
         f"'{path}' holds more than {MOST_MEMBERS} files; unpack it and give one of the meshes in it."
     )

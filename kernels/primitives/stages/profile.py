@@ -9,7 +9,7 @@ from ...vector_math import larger, sign, smaller
 
 @wp.struct
 class Profile:
-    """What a rounded rectangle of extents (sx, sy) and roundness r needs; m = min(sx, sy) / 2 is the inset radius."""
+    """Rounded rectangle of extents (sx, sy) and roundness r; m = min(sx, sy) / 2 is the inset radius."""
 
     core_x: float
     """Half extent along x of the rectangle that the corner circles roll around: sx / 2 - r m."""
