@@ -19,7 +19,7 @@ class Interval:
     below: float | None = None
 
     def __contains__(self, value: Any) -> bool:
-        """Whether a value is a number in the interval; NaN never is."""
+        """Membership in the interval: True if a value is a number in it; NaN never is."""
         try:
             return (
                 value == value
@@ -40,7 +40,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Option:
-    """What is known of an option beside its type and default, which are those of its field."""
+    """Descriptor of an option beside its type and default, which are those of its field."""
 
     help: str = ""
     """Of the command line and README.md; an option without it is a field of the configuration only."""
@@ -60,7 +60,7 @@ class Option:
 
     @property
     def public(self) -> bool:
-        """Whether it is a keyword of `resfit.fit` and an option of the command line."""
+        """True if it is a keyword of `resfit.fit` and an option of the command line."""
         return bool(self.help)
 
     def spelled(self, value: Any = None) -> str:

@@ -1,4 +1,4 @@
-"""What a fit comes to: the primitives, why it stopped, and the story of its rounds. Writes no file."""
+"""Outcome of a fit: the primitives, why it stopped, and the story of its rounds. Writes no file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .objective.objective import Score
 
 
 class Status(enum.Enum):
-    """Why a fit stopped; the value is the sentence for people."""
+    """Termination reason of a fit; the value is the sentence for people."""
 
     SATURATED = "another round no longer raised the objective"
     ROUNDS = "the allowed rounds are done"
@@ -24,7 +24,7 @@ class Status(enum.Enum):
 
     @property
     def stopped_early(self) -> bool:
-        """Whether the result is less than what was asked for."""
+        """True if the result is less than what was asked for."""
         return self in (Status.TIMEOUT, Status.INTERRUPTED)
 
 

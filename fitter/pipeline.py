@@ -32,7 +32,7 @@ CURVE_BEGINS, SNAP_BEGINS, REDUCTION_BEGINS = 0.25, 0.85, 0.55
 
 @dataclass
 class Fitted:
-    """What a fit came to."""
+    """Result of a fit."""
 
     outcome: Outcome
     names: list[str] | None = None
@@ -101,12 +101,12 @@ def _fit(
 
 
 def _in_share(tell: Callable[[Progress], None], share: float) -> Callable[[Progress], None]:
-    """What tells of progress within the first share of the work."""
+    """Progress callback within the first share of the work."""
     return lambda progress: tell(replace(progress, fraction=share * progress.fraction))
 
 
 def _reduces(config: FitConfig) -> bool:
-    """Whether a fit is made with as many parts as pay, and then with as few as are allowed: not by others' methods."""
+    """True if a fit takes as many parts as pay, then as few as are allowed: not by others' methods."""
     return not is_baseline(config) and config.max_primitives < MOST_PRIMITIVES
 
 
@@ -117,7 +117,7 @@ def _progress(stage: str, outcome: Outcome, done: float) -> Progress:
 
 
 def takes_apart(config: FitConfig) -> bool:
-    """Whether parts may be fitted one by one: not where the whole has a goal, or a method of others is asked for."""
+    """True if parts may be fitted one by one: not with a goal for the whole, or a method of others."""
     if config.per_part != "auto":
         return config.per_part == "on"
     goal = config.target_iou < 1.0 or config.tolerance > 0.0

@@ -1,4 +1,4 @@
-"""What a fit tells about itself while it runs. Imports nothing of the fitter, so that it can be told from the start."""
+"""Progress reports of a running fit. Imports nothing of the fitter, so that it can be told from the start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TARGET_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a fit is, for whoever shows it."""
+    """Progress report of a fit, for whoever shows it."""
 
     stage: str
     round: int

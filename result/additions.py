@@ -1,4 +1,4 @@
-"""What a fit's stages add to its result: names of the mesh's parts, relations, notes, and the trade-off curve."""
+"""Additions of a fit's stages to its result: names of the mesh's parts, relations, notes, trade-off curve."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def _lock(folder: Path) -> int:
 
 
 def _try_lock(descriptor: int) -> bool:
-    """Whether the lock is held now; also where there are no locks."""
+    """Try to lock: True if the lock is held now; also where there are no locks."""
     try:
         import fcntl
 

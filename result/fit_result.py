@@ -1,4 +1,4 @@
-"""What a fit returns, and the only place that writes a fit's folder."""
+"""Result of a fit, and the only place that writes a fit's folder."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ CLOSED_KINDS = ("closed", "flipped", "reoriented", "union")
 
 @dataclass(frozen=True)
 class InputInfo:
-    """What was given, and what it was decided to be."""
+    """Record of the input, and what it was decided to be."""
 
     name: str
     """The file's name without its folder; `mesh` for one in memory."""
@@ -150,7 +150,7 @@ class FitResult:
         return folder
 
     def _is_wreck(self) -> bool:
-        """Whether the assembly matches neither the solid nor the surface of the input."""
+        """True if the assembly matches neither the solid nor the surface of the input."""
         far = MOST_DEVIATION * self.assembly.transform.scale
         # Cells miss what is thinner than they are: then the surface tells.
         return self.metrics["iou"] < LEAST_IOU and (self.deviation is None or self.deviation.p95 > far)
@@ -214,7 +214,7 @@ class FitResult:
             return np.concatenate([given.result(), made.result()], axis=1)
 
     def _halves(self) -> tuple[Callable[[], np.ndarray], Callable[[], np.ndarray]]:
-        """What makes the pictures of the assembly and of the input."""
+        """Renderers of the assembly and of the input."""
         device = choose_device(self.device)
         target, primitives = self.target, self.assembly.on_device(self.device)
         width, height = PANEL
@@ -232,7 +232,7 @@ class FitResult:
 
 
 def describe_input(target: Target, name: str | os.PathLike[str] | None) -> InputInfo:
-    """What was given: the name of the file at `name`, without its folder, and the target's findings."""
+    """Describe the input: the name of the file at `name`, without its folder, and the target's findings."""
     return InputInfo(
         # File names are bytes: some are no UTF-8, others only look so in a locale without it.
         name="mesh" if name is None else os.fsencode(Path(name).name).decode("utf-8", "replace"),

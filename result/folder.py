@@ -32,12 +32,12 @@ report is there it is still a folder of ours."""
 
 
 def default_folder(mesh: Path) -> Path:
-    """Where the fit of a mesh file goes unless told otherwise: STEM.resfit in the current folder."""
+    """Default folder of the fit of a mesh file: STEM.resfit in the current folder."""
     return Path(f"{mesh.stem}.resfit")
 
 
 def holds_fit(folder: Path) -> bool:
-    """Whether a report.json of ours lies in `folder`."""
+    """True if a report.json of ours lies in `folder`."""
     return bool(read_report(folder))
 
 
@@ -107,7 +107,7 @@ def filling(folder: Path) -> Iterator[Path]:
 
 
 def _is_free(folder: Path) -> bool:
-    """Whether a folder is empty, or holds a fit, or one that was being replaced when its process was killed."""
+    """True if a folder is empty, or holds a fit, or one being replaced when its process was killed."""
     entries = list(folder.iterdir())
     if all(is_temporary(entry.name) for entry in entries) or holds_fit(folder):
         return True
@@ -167,7 +167,7 @@ def _put_aside(source: Path, folder: Path) -> Path:
 
 
 def _is_exchangeable(source: Path, folder: Path) -> bool:
-    """Whether nobody misses the old folder itself, and `source`, which becomes it, is made its equal."""
+    """True if nobody misses the old folder itself, and `source`, which becomes it, is made its equal."""
     if source.parent == folder or not all(_is_ours(path) for path in folder.iterdir()):
         return False
     with suppress(OSError):
@@ -183,14 +183,14 @@ def _is_exchangeable(source: Path, folder: Path) -> bool:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether an entry of a fit's folder is one that a fit writes."""
+    """True if an entry of a fit's folder is one that a fit writes."""
     if path.name == PARETO_FOLDER:
         return path.is_dir() and all(_is_of_curve(entry) for entry in path.iterdir())
     return path.name in (*OURS, *PARETO)
 
 
 def _is_of_curve(path: Path) -> bool:
-    """Whether an entry of the trade-off's folder is one that a fit writes."""
+    """True if an entry of the trade-off's folder is one that a fit writes."""
     return path.match("assembly_*.json") and not path.is_dir()
 
 

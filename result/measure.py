@@ -1,4 +1,4 @@
-"""What the fitter found, as what `resfit.fit` returns: named and coloured parts, measured."""
+"""Measurement of a fit: what the fitter found as what `resfit.fit` returns, parts named and coloured."""
 
 from __future__ import annotations
 

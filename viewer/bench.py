@@ -1,4 +1,4 @@
-"""How long an edit takes to show: model, surface and picture, apart. `resfit bench view` prints it."""
+"""Latency of an edit: model, surface and picture, apart. `resfit bench view` prints it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `resfit view` does: open assemblies, and show them in a window, on a page or in one picture."""
+"""Entry point of `resfit view`: open assemblies, and show them in a window, on a page or in one picture."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ TAIL_BYTES = 20_000
 
 @dataclass(frozen=True)
 class ChildRun:
-    """How a child ended, and what it cost."""
+    """Exit status and cost of a child process."""
 
     exit_code: int
     """Negative: the signal that ended it."""
@@ -39,7 +39,7 @@ class ChildRun:
 
     @property
     def complaint(self) -> str:
-        """Why it failed, in one line."""
+        """Error message in one line."""
         if self.timed_out:
             return "it took too long"
         lines = [line.strip() for line in self.stderr.splitlines() if line.strip()]

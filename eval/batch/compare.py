@@ -39,7 +39,7 @@ WARM = (
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is compared, and how."""
+    """Options of a comparison."""
 
     out: Path
     """Folder for rows, tables, pictures, and the methods' results."""
@@ -55,11 +55,11 @@ class Comparison:
     """Whether to compute finished rows again."""
 
     def command(self, method: str, mesh: Path, folder: Path) -> list[str]:
-        """What runs a method in a process of its own."""
+        """Command line of a method in a process of its own."""
         return python_command("-m", "resfit.eval.methods", method, str(mesh.resolve()), str(folder.resolve()))
 
     def fit_key(self, shape: Shape, method: str) -> str:
-        """What a fit depends on."""
+        """Cache key of a fit."""
         try:
             digest = hashlib.sha256(shape.path.read_bytes()).hexdigest()
         except OSError:
@@ -67,7 +67,7 @@ class Comparison:
         return _short(version("resfit"), method, self.timeout, shape.name, digest)
 
     def row_key(self, fit_key: str) -> str:
-        """What a row depends on."""
+        """Cache key of a row."""
         return _short(fit_key, self.emd, self.features)
 
 
@@ -239,7 +239,7 @@ def _plain(method: str) -> str:
 
 
 def find_output(folder: Path, run: ChildRun) -> Path | None:
-    """What a method wrote: the path that its last line names, else the first of OUTPUTS in its folder."""
+    """Output of a method: the path that its last line names, else the first of OUTPUTS in its folder."""
     lines = [line.strip() for line in run.stdout.splitlines() if line.strip()]
     if lines and len(lines[-1]) < 4096 and Path(lines[-1]).exists():
         return Path(lines[-1])

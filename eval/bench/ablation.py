@@ -1,4 +1,4 @@
-"""What each choice is worth: our own fit in variants, on the same meshes, as studies with a table each.
+"""Ablation studies: our own fit in variants, on the same meshes, with a table each.
 
     resfit bench ablation MESH ... -o FOLDER
 

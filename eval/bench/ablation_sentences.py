@@ -1,4 +1,4 @@
-"""What the tables of an ablation say, in two sentences each, made from their numbers whichever way they fall."""
+"""Conclusions of ablation tables, in two sentences each, made from their numbers whichever way they fall."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which kernels a fit spends its time in: launches and seconds of each, counted while a bundled mesh is fitted."""
+"""Kernel profile of a fit: launches and seconds of each, counted while a bundled mesh is fitted."""
 
 from __future__ import annotations
 

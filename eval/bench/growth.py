@@ -1,4 +1,4 @@
-"""How the stages of a fit grow with the mesh's faces, the grid, the primitives, the sample points, and disorder.
+"""Scaling of a fit's stages with the mesh's faces, the grid, the primitives, the sample points, and disorder.
 
 One thing grows at a time, the rest stays as it is. The faces are those of one closed surface cut more and more finely;
 the primitives are found again from unions of so many apart parts.

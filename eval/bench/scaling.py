@@ -1,4 +1,4 @@
-"""How the union's cost grows with primitives and points, dense and culled, and how near it comes to the machine's peak.
+"""Scaling of the union with primitives and points, dense and culled, and its share of the machine's peak.
 
 The peak is measured here too, by a kernel that does nothing but multiply and add.
 """
@@ -46,7 +46,7 @@ class ScalingRow:
 
 @dataclass(frozen=True)
 class PeakRow:
-    """What one core does at best, and what the field of a family comes to."""
+    """Peak throughput of one core, and cost of the field of a family."""
 
     peak_gflops: float
     operations: int

@@ -62,7 +62,7 @@ def primitive_set(count: int, axes: int, device: wp.Device) -> PrimitiveSet:
 def steps(
     count: int, axes: int, points: int, device: wp.Device, order: str = "curve"
 ) -> dict[str, Callable[[], None]]:
-    """What each step does, by its name; tables are derived from the parameters in every forward step, as in a fit."""
+    """Benchmark steps by name; tables are derived from the parameters in every forward step, as in a fit."""
     primitives = primitive_set(count, axes, device)
     blocks = scene_points(points, device, order)
     ones = wp.ones(blocks.x.shape[0], dtype=float, device=device)

@@ -29,7 +29,7 @@ FAMILY = "superquadric"
 
 @dataclass(frozen=True, kw_only=True)
 class MarchingFitConfig:
-    """How regions are fitted."""
+    """Options of the fit of regions."""
 
     points: int = 1536
     """Cells that a superquadric is fitted to."""

@@ -20,7 +20,7 @@ from .marching_regions import regions_below
 
 @dataclass(frozen=True, kw_only=True)
 class MarchingConfig:
-    """How levels march."""
+    """Options of the marching levels."""
 
     ratio: float = 0.6
     """Each level over the one before."""

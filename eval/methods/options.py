@@ -1,4 +1,4 @@
-"""What methods share: options that come as text, the folder of a result, and packages that may be missing."""
+"""Common base of methods: options that come as text, the folder of a result, packages that may be missing."""
 
 from __future__ import annotations
 

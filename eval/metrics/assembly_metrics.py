@@ -1,4 +1,4 @@
-"""How good an assembly is, by the definitions of the metrics that papers and peers report.
+"""Quality metrics of an assembly, by the definitions that papers and peers report.
 
 Everything is measured in the target's normalised frame. IoU, overlap and unoverlap ask the analytic fields at the
 128^3 cell centres of [-1, 1]^3, never a mesh. Deviations are distances and therefore in the mesh's own units.
@@ -35,7 +35,7 @@ PERCENTILE = 95.0
 
 @dataclass(frozen=True)
 class Occupancy:
-    """What lies inside an assembly, at the cell centres of [-1, 1]^3."""
+    """Occupancy grid of an assembly, at the cell centres of [-1, 1]^3."""
 
     union: np.ndarray
     """(n, n, n) bool, inside the smooth union."""
@@ -84,7 +84,7 @@ def measure_occupancy(primitives: PrimitiveSet, resolution: int = RESOLUTION) ->
 
 
 def target_occupancy(target: Target) -> np.ndarray:
-    """Which of the 128^3 cell centres are inside the target, (128, 128, 128) bool."""
+    """Occupancy grid of the target at the 128^3 cell centres, (128, 128, 128) bool."""
     grid = target.grid if target.resolution == RESOLUTION else distance_grid(target.query, RESOLUTION)
     return grid < 0.0
 

@@ -90,7 +90,7 @@ class TargetSurface:
         return mesh_distance(MeshQuery(self.vertices, self.faces, self.target.query.device), points)
 
     def inside(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (n, 3) are inside the solid, (n,) bool."""
+        """Point membership: True where points (n, 3) are inside the solid, (n,) bool."""
         return self.target.query.signed_distance(points) < 0.0
 
 

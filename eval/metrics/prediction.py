@@ -1,4 +1,4 @@
-"""What metrics ask of a reconstruction, whoever made it, and the answers of an assembly.
+"""Interface of a reconstruction for metrics, whoever made it, and its implementation by an assembly.
 
 Everything is in the target's normalised frame. The other kind of reconstruction, meshes of parts, is in
 `prediction_parts`; both are read from files by `prediction_files`.
@@ -35,11 +35,11 @@ class Prediction(Protocol):
     """(3,) float64 each, corners of its surface's box; both 0 if it has no surface."""
 
     def occupancy(self) -> Occupancy:
-        """What is inside at the 128^3 cell centres of [-1, 1]^3."""
+        """Occupancy at the 128^3 cell centres of [-1, 1]^3."""
         ...
 
     def inside(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (n, 3) are inside the whole, (n,) bool."""
+        """Point membership: True where points (n, 3) are inside the whole, (n,) bool."""
         ...
 
     def owners(self, points: np.ndarray) -> np.ndarray:

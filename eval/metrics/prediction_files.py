@@ -234,7 +234,7 @@ def _with_cavities(vertices: np.ndarray, bodies: list[np.ndarray]) -> list[np.nd
 
 
 def is_convex(part: PartMesh) -> bool:
-    """Whether a part is the convex hull of its vertices, so that these say it all."""
+    """Convexity test: True if a part is the convex hull of its vertices, so that these say it all."""
     a, b, c = (part.vertices[part.faces[:, corner]] - part.vertices[0] for corner in range(3))
     volume = abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
     side = float(np.ptp(part.vertices, axis=0).max())

@@ -78,7 +78,7 @@ class PartsPrediction:
         return self._wound(points, lambda index, asked: np.full(len(asked), INSIDE))
 
     def _wound(self, points: np.ndarray, limits: Callable[[int, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Whether some part winds round points (n, 3) more often than it must, (n,) bool.
+        """Winding test: True if some part winds round points (n, 3) more often than it must, (n,) bool.
 
         `limits(part, asked)` gives how often, (k,), for some of the points (k,) int.
         """
@@ -148,7 +148,7 @@ class PartsPrediction:
         return kept[np.arange(count) % len(kept)] if len(kept) else kept
 
     def _on_outside(self, points: np.ndarray, normals: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Whether points (n, 3) of the surfaces of parts `own` (n,) are on that of the union, (n,) bool."""
+        """Mask of points (n, 3) of surfaces of parts `own` (n,) that are on that of the union, (n,) bool."""
         step = OUTWARDS * normals
 
         def covering(index: int, asked: np.ndarray) -> np.ndarray:
@@ -180,7 +180,7 @@ def turned_outwards(part: PartMesh) -> PartMesh:
 def _cells_of_part(
     part: PartMesh, lower: np.ndarray, upper: np.ndarray, device: wp.Device
 ) -> tuple[tuple[slice, slice, slice], np.ndarray] | None:
-    """Where a part's cells lie in the 128^3 cells of [-1, 1]^3, and whether each of them is inside; None if nowhere.
+    """Occupancy of a part: its place in the 128^3 cells of [-1, 1]^3, and its cells inside; None if nowhere.
 
     Only a cube of cells around the part is looked at: as a grid of its own, in which it fills [-1, 1]^3.
     """

@@ -14,7 +14,7 @@ from resfit.errors import InputError
 
 @dataclass(frozen=True)
 class Semantics:
-    """How features vary within primitives and between them."""
+    """Variance of features within primitives and between them."""
 
     intra_prim: float
     """Mean squared distance of a point's feature to the mean feature of its primitive; 0 is best."""

@@ -59,7 +59,7 @@ def euler_characteristic(inside: Mask) -> int:
 
 
 def _may_have_holes(faces: npt.NDArray[np.int32]) -> bool:
-    """Whether a mesh is anything but closed surfaces of genus 0."""
+    """Genus test: True if a mesh is anything but closed surfaces of genus 0."""
     edges = find_edges(faces)
     if (edges.face_count != 2).any():
         return True

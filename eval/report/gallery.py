@@ -79,7 +79,7 @@ def find_fits(folders: Sequence[Path]) -> list[Path]:
 
 
 def read_entry(folder: Path, command: Callable[[dict[str, Any]], str] = lambda report: "") -> Entry | None:
-    """What the report in a fit's folder says; None if it is no report of a fit.
+    """Read the report in a fit's folder; None if it is no report of a fit.
 
     Args:
         folder: of the fit.
@@ -215,7 +215,7 @@ def card(entry: Entry, item: str, has_picture: bool) -> str:
 
 
 def summary(entries: Sequence[Entry]) -> str:
-    """How many fits there are and how good they are."""
+    """Summary of fits: how many there are and how good they are."""
     texts = [f"{len(entries)} {'fit' if len(entries) == 1 else 'fits'}"]
     closed = [entry.iou for entry in entries if entry.iou is not None and entry.closed]
     if closed:

@@ -97,7 +97,7 @@ def run_all(
 
 
 def row_key(mesh: Path, preset: str, timeout: float) -> str:
-    """What a row depends on: the mesh's bytes and name, the options, the version."""
+    """Cache key of a row: the mesh's bytes and name, the options, the version."""
     digest = hashlib.sha256(mesh.read_bytes()).hexdigest()
     return hashlib.sha256(
         f"{version('resfit')}|{preset}|{timeout:g}|{mesh.name}|{digest}".encode()

@@ -88,7 +88,7 @@ class Tally:
         unoverlap: float = UNOVERLAP_PRICE,
         false_volume: float = 1.0,
     ) -> Prices:
-        """What the objective is made of beside sums.
+        """Prices of the objective: what it is made of beside sums.
 
         Args:
             alpha: price of a primitive.

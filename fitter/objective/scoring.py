@@ -1,4 +1,4 @@
-"""How good a set of primitives is: bits and scores on the objective's samples."""
+"""Scores of a set of primitives: bits and scores on the objective's samples."""
 
 from __future__ import annotations
 

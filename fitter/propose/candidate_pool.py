@@ -75,7 +75,7 @@ class CandidatePool:
 
     @contextmanager
     def joined_by(self, rows: np.ndarray) -> Iterator[CandidateCoverage]:
-        """What all candidates remembered hold, and after them `rows` (k, ROW), for the time being."""
+        """Coverage of all candidates remembered, and after them of `rows` (k, ROW), for the time being."""
         count = self.coverage.count
         self.coverage.append(self.inside(rows))
         try:

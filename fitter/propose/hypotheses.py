@@ -1,4 +1,4 @@
-"""What regions could be: rounded profiles that are swept, guessed from how the regions lie.
+"""Shape hypotheses of regions: rounded profiles that are swept, guessed from how the regions lie.
 
 Conventions: the local z axis is swept along; a positive bulge arcs towards -x, its chord, of length size z, along z.
 """
@@ -58,7 +58,7 @@ class Hypotheses:
 
     @property
     def solids(self) -> SweptSolids:
-        """What each guess looks like in its frame."""
+        """Swept solids of the guesses, each in its frame."""
         return SweptSolids(self.size, self.roundness, self.dilation, self.taper, self.bulge, self.onion)
 
     def take(self, chosen: np.ndarray) -> Hypotheses:

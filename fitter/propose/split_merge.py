@@ -26,7 +26,7 @@ class CoarseCells:
 
 @dataclass(frozen=True)
 class Parts:
-    """What each primitive holds of a target."""
+    """Partition of a target among primitives."""
 
     target: TargetCells
     labels: np.ndarray

@@ -105,7 +105,7 @@ def refine_with_adam(
 
 @dataclass(frozen=True)
 class _Moment:
-    """What changes from step to step."""
+    """Schedule values and noise of a step."""
 
     progress: float
     beta: float

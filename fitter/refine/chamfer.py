@@ -46,7 +46,7 @@ STEEPEST = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class ChamferConfig:
-    """How the primitives are moved."""
+    """Options of the Chamfer refinement."""
 
     steps: int = 240
     rate: float = 0.01
@@ -61,7 +61,7 @@ class ChamferConfig:
 
 @dataclass(frozen=True)
 class ChamferMove:
-    """What came of it."""
+    """Result of the Chamfer refinement."""
 
     rows: np.ndarray
     """(primitive_count, ROW) float32: the best that was measured, the start included."""

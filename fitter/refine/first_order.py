@@ -1,4 +1,4 @@
-"""What first-order optimisers share: primitives as unbounded numbers, and Adam's running averages."""
+"""Common base of first-order optimisers: primitives as unbounded numbers, and Adam's running averages."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Unbounded:
         activate_rows(self._variable, self._low, self._high, noise, temperature, self.primitives, tape)
 
     def rows(self) -> np.ndarray:
-        """What `raw` stands for, without noise: (primitive_count, ROW) float32."""
+        """Parameter rows that `raw` stands for, without noise: (primitive_count, ROW) float32."""
         self.activate(wp.Tape())
         return self.primitives.rows_numpy()
 
@@ -86,7 +86,7 @@ class Moments:
         self.mean, self.square, self.count = np.zeros(shape), np.zeros(shape), 0
 
     def step(self, gradient: np.ndarray, rate: float) -> np.ndarray:
-        """What to add to the variables, given their gradient and the learning rate."""
+        """Adam update to add to the variables, given their gradient and the learning rate."""
         self.count += 1
         self.mean = DECAY[0] * self.mean + (1.0 - DECAY[0]) * gradient
         self.square = DECAY[1] * self.square + (1.0 - DECAY[1]) * gradient**2

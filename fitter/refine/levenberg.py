@@ -25,7 +25,7 @@ OWN_DAMPING = Damping(better=0.3, worse=5.0, least=1e-6)
 
 @dataclass(frozen=True)
 class Ranges:
-    """Where shapes may go, (primitive_count, SHAPE) each; equal where a family lacks the parameter."""
+    """Bounds of the shapes, (primitive_count, SHAPE) each; equal where a family lacks the parameter."""
 
     low: np.ndarray
     high: np.ndarray

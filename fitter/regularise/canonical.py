@@ -40,32 +40,32 @@ def with_shape(row: np.ndarray, shape: np.ndarray) -> np.ndarray:
 
 
 def is_straight(row: np.ndarray, name: str, near: float = 0.0) -> bool:
-    """Whether half a turn about z takes the primitive to itself, or nearly so."""
+    """Two-fold symmetry about z: True if half a turn takes the primitive to itself, or nearly so."""
     return family(name).holds(family(name).symmetries.half_turn_z, shape_of(row), near)
 
 
 def turns_quarterly(row: np.ndarray, name: str) -> bool:
-    """Whether a quarter turn about z takes the primitive to itself, its sizes along x and y swapped."""
+    """Four-fold symmetry about z: True if a quarter turn keeps the primitive, its sizes x and y swapped."""
     return family(name).holds(family(name).symmetries.quarter_turn_z, shape_of(row))
 
 
 def is_prism(row: np.ndarray, name: str, near: float = 0.0) -> bool:
-    """Whether half a turn about x takes the primitive to itself, or nearly so: top and bottom are alike."""
+    """Two-fold symmetry about x, or nearly so: True if half a turn keeps it, top and bottom alike."""
     return family(name).holds(family(name).symmetries.half_turn_x, shape_of(row), near)
 
 
 def is_round(row: np.ndarray, name: str, near: float = 0.0) -> bool:
-    """Whether the primitive is a body of revolution about its z axis."""
+    """Rotational symmetry: True for a body of revolution about its z axis."""
     return family(name).revolves(shape_of(row), near)
 
 
 def is_box(row: np.ndarray, name: str) -> bool:
-    """Whether all three axes are of one kind, so that sizes may change places."""
+    """Interchangeable axes: True if all three are of one kind, so that sizes may change places."""
     return family(name).holds(family(name).symmetries.axis_order, shape_of(row))
 
 
 def canonical_changes(row: np.ndarray, name: str) -> list[RowChange]:
-    """What may be made canonical in a row (ROW,), the most harmless first; each alone, from the row as it is."""
+    """Canonical changes of a row (ROW,), the most harmless first; each alone, from the row as it is."""
     entry, changes = family(name), []
     for rule in entry.rules:
         change = rule.change(entry, shape_of(row))

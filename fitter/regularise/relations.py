@@ -1,4 +1,4 @@
-"""What parts of an assembly have in common, exactly: told in a report, and to be kept by whoever edits them."""
+"""Exact relations of parts of an assembly: told in a report, and to be kept by whoever edits them."""
 
 from __future__ import annotations
 

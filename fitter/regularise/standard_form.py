@@ -198,7 +198,7 @@ def _plainest_pose(row: np.ndarray, name: str) -> np.ndarray:
 
 
 def _keeps(turn: np.ndarray, row: np.ndarray, name: str) -> bool:
-    """Whether a rotation of the cube takes the primitive to one of its family with the same numbers, sizes permuted."""
+    """True if a rotation of the cube takes the primitive to itself in family and numbers, sizes permuted."""
     matrix = matrix_of(turn).round()
     if is_box(row, name):
         return True

@@ -148,7 +148,7 @@ def copy_across(
 
 
 def _index_of(plane: Symmetry, motions: list[Motion]) -> int:
-    """Which motion is the reflection in a plane."""
+    """Index of the motion that is the reflection in a plane."""
     turn = plane.turns()[0]
     return min(range(len(motions)), key=lambda k: float(np.abs(motions[k][0] - turn).max()))
 
@@ -230,7 +230,7 @@ def _shares(images: np.ndarray, bits: np.ndarray) -> np.ndarray:
 
 
 def _is_there(image: np.ndarray, placed: list[np.ndarray]) -> bool:
-    """Whether an image lies where another image of the same part lies."""
+    """True if an image coincides with another image of the same part."""
     return any(np.abs(image[:3] - other[:3]).max() < 1e-4 and _alike(image, other) for other in placed)
 
 

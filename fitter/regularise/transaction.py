@@ -115,7 +115,7 @@ class Transaction:
         return True
 
     def relations(self) -> list[Relation]:
-        """What holds, each once, symmetry first; canonical parameters of a part together."""
+        """Relations that hold, each once, symmetry first; canonical parameters of a part together."""
         found: dict[tuple[Any, ...], Relation] = {}
         for claim in self.claims:
             value = claim.value(self.rows)

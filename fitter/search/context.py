@@ -62,7 +62,7 @@ class TargetGrid:
 
 @dataclass(frozen=True, eq=False)
 class SearchContext:
-    """What stays the same while a track of a fit runs; a variant of it is made by `dataclasses.replace`.
+    """Constants of a track of a fit while it runs; a variant of it is made by `dataclasses.replace`.
 
     Rows are (k, ROW) in the target's normalised frame.
     """
@@ -96,11 +96,11 @@ class SearchContext:
         return PrimitiveSet(rows, self.families(rows), self.device)
 
     def inside(self, rows: np.ndarray) -> np.ndarray:
-        """Which samples each primitive holds, masks (k, words) with a bit a sample."""
+        """Membership bit masks: the samples that each primitive holds, (k, words) with a bit a sample."""
         return self.containment.masks(self.primitives(rows))
 
     def parts(self, rows: np.ndarray) -> Parts:
-        """What each primitive holds of the target."""
+        """Partition of the target among the primitives."""
         values = values_at(rows, self.families(rows), self.coarse_blocks, self.device)
         owner = values.argmin(0).astype(np.int32)
         return divide(self.target_cells, owner[self.coarse_cells.around], len(rows))
@@ -113,11 +113,11 @@ class SearchContext:
         )
 
     def out_of_time(self) -> bool:
-        """Whether the time-out has passed."""
+        """True if the time-out has passed."""
         return 0 < self.config.timeout < time.perf_counter() - self.begin
 
     def should_stop(self) -> bool:
-        """Whether to return the best so far at once."""
+        """True if the search is to return the best so far at once."""
         return self.interrupted() or self.out_of_time()
 
 

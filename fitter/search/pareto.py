@@ -1,4 +1,4 @@
-"""How good an assembly is at every number of parts: the best known one with at most so many."""
+"""Pareto front over the number of parts: at each, the best known assembly with at most so many."""
 
 from __future__ import annotations
 

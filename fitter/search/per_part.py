@@ -243,7 +243,7 @@ def put_together(
 def limit(
     rows: np.ndarray, cached_objective: CachedObjective, price: float, most: int
 ) -> tuple[np.ndarray, list[str]]:
-    """Which primitives stay: those that earn more than a price, and at most `most`; the least missed go one by one.
+    """Prune to primitives that earn more than a price, and at most `most`; the least missed go one by one.
 
     Returns:
         Their indices, ascending, and a sentence if `most` was too few.
@@ -281,7 +281,7 @@ def grid_iou(rows: np.ndarray, target: Target, config: FitConfig, device: wp.Dev
 def copies_among(
     copies: list[Copy | None], owner: np.ndarray, place: np.ndarray, kept: list[int]
 ) -> list[Copied]:
-    """Which of the primitives `kept`, by their new indices, are others of them moved.
+    """Congruent copies among the primitives `kept`, by their new indices: others of them moved.
 
     Args:
         copies: of the parts.

@@ -115,7 +115,7 @@ def proposals_of(context: SearchContext) -> Proposals:
 
 
 def is_baseline(config: FitConfig) -> bool:
-    """Whether a method of others is asked for, to compare with: it goes without the steps that are not its own."""
+    """True for a baseline, a method of others to compare with: it goes without steps that are not its own."""
     return REFINERS[config.optimizer].selects or PROPOSALS[config.decompose].alone
 
 

@@ -27,7 +27,7 @@ class Incumbent(NamedTuple):
 
 @dataclass
 class SearchState:
-    """What changes from round to round in one track."""
+    """Mutable state of the search: what changes from round to round in one track."""
 
     rows: np.ndarray
     """(primitive_count, ROW) float32, the assembly of the moment."""

@@ -1,4 +1,4 @@
-"""Which candidates are chosen, how often they hold each sample point, and what the objective makes of it."""
+"""Cover of the sample points: chosen candidates, how often they hold each point, and the objective of it."""
 
 from __future__ import annotations
 

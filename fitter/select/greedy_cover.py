@@ -37,7 +37,7 @@ class GreedyCover(Cover):
         self._common: dict[int, np.ndarray] = {}
 
     def save(self) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, list[int]]:
-        """What `restore` needs to come back to this choice."""
+        """Checkpoint of this choice, for `restore`."""
         return self.counts.save(), self.additions.save(), list(self.chosen)
 
     def restore(self, saved: tuple[tuple[np.ndarray, np.ndarray], np.ndarray, list[int]]) -> None:
@@ -64,7 +64,7 @@ class GreedyCover(Cover):
         self.additions.update()
 
     def gains(self) -> np.ndarray:
-        """What each candidate would add to the objective, -inf for those chosen."""
+        """Marginal gain in the objective of each candidate, -inf for those chosen."""
         held, count = self.held + self.additions.of_all(), len(self.chosen)
         gains = self._objective(held, count + 1) - self.score()
         gains[self.chosen] = -np.inf
@@ -85,7 +85,7 @@ class GreedyCover(Cover):
         return common / np.maximum(sizes + sizes[index] - common, 1)
 
     def absorbs(self) -> np.ndarray:
-        """Which members each candidate holds nearly all of: (candidates, members) bool, in the order of choice."""
+        """Near-containment of members in candidates: (candidates, members) bool, in the order of choice."""
         absorbed = np.zeros((self.coverage.count, len(self.chosen)), bool)
         for place, (member, common) in enumerate(
             zip(self.chosen, self._common_with(self.chosen), strict=True)
@@ -127,7 +127,7 @@ class GreedyCover(Cover):
 
 
 def _hold_more_air(sums: np.ndarray) -> np.ndarray:
-    """Which candidates (k,) hold far more outside the target than in it, by their sums (k, 5).
+    """Mask of candidates (k,) that hold far more outside the target than in it, by their sums (k, 5).
 
     Where everything else is poor even such a one raises an IoU: a slab across a filigree, which then explains all of it
     and leaves nothing to decompose.

@@ -1,4 +1,4 @@
-"""Which candidates make the assembly: greedy by gain, several beginnings side by side, then removals and swaps."""
+"""Greedy selection of candidates by gain, several beginnings side by side, then removals and swaps."""
 
 from __future__ import annotations
 

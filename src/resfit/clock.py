@@ -1,4 +1,4 @@
-"""What a run has cost so far: CPU seconds, wall seconds, memory. Imports nothing heavy, so that it can start first."""
+"""Cost of a run so far: CPU seconds, wall seconds, memory. Imports nothing heavy, so as to start first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What resfit requires, and the optional packages as pyproject.toml groups them. Imports nothing heavy."""
+"""Requirements of resfit, and the optional packages as pyproject.toml groups them. Imports nothing heavy."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Desktop(Window):
             self._draw(fine=True)
 
     def picture(self) -> np.ndarray:
-        """What the window shows, panel and all: (height, width, 3) uint8, sRGB, row 0 on top."""
+        """Screenshot of the window, panel and all: (height, width, 3) uint8, sRGB, row 0 on top."""
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
@@ -120,7 +120,7 @@ class Desktop(Window):
         self.window.Render()
 
     def _scrolled(self, width: int, height: int) -> int:
-        """Where the list begins: a part that was just selected is in it."""
+        """Scroll offset of the list: a part that was just selected is in it."""
         selected = self.controller.session.selected
         if selected != self._listed:
             self._listed = selected
@@ -205,7 +205,7 @@ class Desktop(Window):
             self.redraw()
 
     def _moved(self, x: int, y: int) -> bool:
-        """Whether this is a drag, and not the tremble of a click."""
+        """True for a drag, and not the tremble of a click."""
         if self._press is None:
             return False
         if abs(x - self._press[0]) + abs(y - self._press[1]) >= CLICK:

@@ -46,7 +46,7 @@ HANDLES = (
 
 
 def dragged(handle: Handle, matrix: np.ndarray, begin: Ray, now: Ray, facing: np.ndarray) -> np.ndarray:
-    """Where a part goes when a handle is dragged.
+    """Affine transform of a part after the drag of a handle.
 
     Args:
         handle: which.
@@ -78,7 +78,7 @@ def dragged(handle: Handle, matrix: np.ndarray, begin: Ray, now: Ray, facing: np
 
 
 def _along(centre: np.ndarray, axis: np.ndarray, ray: Ray) -> float:
-    """Where a line comes nearest to a ray: distance from `centre` along the unit vector `axis`."""
+    """Closest point of a line to a ray: distance from `centre` along the unit vector `axis`."""
     origin, towards = ray
     between = origin - centre
     cosine = float(axis @ towards)
@@ -86,7 +86,7 @@ def _along(centre: np.ndarray, axis: np.ndarray, ray: Ray) -> float:
 
 
 def _meet(centre: np.ndarray, normal: np.ndarray, ray: Ray) -> np.ndarray:
-    """Where a ray meets a plane; seen from the side, where it comes nearest to its middle."""
+    """Intersection of a ray and a plane; seen from the side, the ray's closest point to its middle."""
     origin, towards = ray
     steep = float(normal @ towards)
     if abs(steep) < 0.05:

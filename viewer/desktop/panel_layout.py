@@ -1,4 +1,4 @@
-"""What the desktop window draws beside the scene, as plain shapes and texts: nothing here draws.
+"""Layout of the desktop window's panel beside the scene, as plain shapes and texts: nothing here draws.
 
 Colours and order are those of the page. Places are in pixels from the window's upper left corner; all text is shown
 as it is, never interpreted.
@@ -140,7 +140,7 @@ def lay_out(controller: Controller, width: int, height: int, scroll: int = 0) ->
 
 
 def list_rows(drawing: Drawing) -> int:
-    """How many parts the list of a drawing shows at once."""
+    """Number of parts that the list of a drawing shows at once."""
     return sum(spot.kind == "part" for spot in drawing.spots)
 
 

@@ -1,1 +1,1 @@
-"""What is looked at and edited, without windows and without VTK."""
+"""Model of the viewer: what is looked at and edited, without windows and without VTK."""

@@ -1,4 +1,4 @@
-"""What `resfit view` opens: assemblies by file or by the folder of a fit, and the meshes that they were fitted to."""
+"""Documents of `resfit view`: assemblies by file or by a fit's folder, and the meshes they were fitted to."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class EditSession:
 
     @property
     def changed(self) -> bool:
-        """Whether an assembly differs from what was opened or last saved."""
+        """Dirty flag: True if an assembly differs from what was opened or last saved."""
         return any(now is not was for now, was in zip(self.state.assemblies, self._saved, strict=True))
 
     def mark_saved(self) -> None:
@@ -64,12 +64,12 @@ class EditSession:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to go back."""
+        """True if there is a step to go back."""
         return self._steps.can_undo(self.state)
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step to go forward."""
+        """True if there is a step to go forward."""
         return self._steps.can_redo
 
     def commit(self) -> bool:

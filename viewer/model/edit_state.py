@@ -22,7 +22,7 @@ class PartRef(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """What undo goes back to; methods that begin with `with_` give another one."""
+    """Snapshot that undo goes back to; methods that begin with `with_` give another one."""
 
     assemblies: tuple[Assembly, ...]
     hidden: frozenset[PartRef] = frozenset()

@@ -1,4 +1,4 @@
-"""What can be edited of a part, as sliders: its family's own table, its pose and its blend.
+"""Editable parameters of a part, as sliders: its family's own table, its pose and its blend.
 
 Names, groups, ranges and units are those of the page that `exports/html.py` writes.
 """

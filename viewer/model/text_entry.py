@@ -12,7 +12,7 @@ from ...assembly.primitive import MAX_NAME, shown
 
 @dataclass(frozen=True)
 class Entry:
-    """What is typed, and for what."""
+    """Text entry in progress, and its field."""
 
     id: str
     """A slider's, or `name`."""

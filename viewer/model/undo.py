@@ -24,12 +24,12 @@ class UndoStack(Generic[T]):
         self._future: list[T] = []
 
     def can_undo(self, state: T) -> bool:
-        """Whether there is a step back from `state`, edits that still go on included."""
+        """True if there is a step back from `state`, edits that still go on included."""
         return bool(self._past) or state != self.committed
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step forward."""
+        """True if there is a step forward."""
         return bool(self._future)
 
     def commit(self, state: T) -> bool:

@@ -1,4 +1,4 @@
-"""How things are shown: what the keys of the viewer switch. Nothing here is part of a file, or of undo."""
+"""View options: what the keys of the viewer switch. Nothing here is part of a file, or of undo."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Axis = Literal["x", "y", "z"]
 
 @dataclass(frozen=True)
 class View:
-    """What is drawn."""
+    """View options of a scene."""
 
     joined: bool = True
     """Where parts run smoothly into each other; else each part alone."""
@@ -56,7 +56,7 @@ AXES: tuple[Axis | None, ...] = (None, "x", "y", "z")
 
 
 def is_on(view: View, name: str) -> bool:
-    """Whether one of TOGGLES is on."""
+    """True if one of TOGGLES is on."""
     value = getattr(view, name)
     return value not in (None, "off", False, 0.0)
 

@@ -56,7 +56,7 @@ APART = 1.0
 
 @dataclass(frozen=True)
 class FilmRequest:
-    """What to film."""
+    """Options of a film."""
 
     path: Path
     motion: Motion | None = None

@@ -40,7 +40,7 @@ def require_screen() -> None:
 
 
 def window_command() -> list[str]:
-    """What starts the window's process."""
+    """Command line of the window's process."""
     return python_command("-m", "resfit.viewer.playback.fit_window")
 
 

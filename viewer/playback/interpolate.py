@@ -16,7 +16,7 @@ SMALLEST_SHARE = 0.03
 
 
 def tween(before: Frame, after: Frame, share: float) -> Frame:
-    """What lies between two steps.
+    """Interpolate between two steps.
 
     Args:
         before, after: the steps.

@@ -157,7 +157,7 @@ def final_frame(assembly: Assembly, rounds: int, iou: float | None, objective: f
 
 
 def _begins_anew(entry: HistoryRound) -> bool:
-    """Whether a round begins without any part, as the first ones of a fit's tracks do."""
+    """True if a round begins without any part, as the first ones of a fit's tracks do."""
     return any(region.get("source") == FROM_NOTHING for region in entry.regions)
 
 
@@ -228,7 +228,7 @@ def _named(assembly: Assembly, kept: Sequence[_Set], family: str) -> tuple[dict[
 
 
 def matches(rows: np.ndarray, others: np.ndarray, family: str) -> tuple[list[tuple[int, int]], float]:
-    """Which parts of two sets of one family, rows (k, ROW), are much the same in place and size.
+    """Match parts of two sets of one family, rows (k, ROW), that are much the same in place and size.
 
     Returns:
         Pairs of indices, and how close the sets are: 0 for nothing in common.
@@ -252,7 +252,7 @@ def _places(rows: np.ndarray, family: str) -> np.ndarray:
 
 
 def _is_new(row: np.ndarray, seen: set[bytes]) -> bool:
-    """Whether a candidate was not there in an earlier round; blends are set anew in each."""
+    """True if a candidate was not there in an earlier round; blends are set anew in each."""
     key = row[:BLEND].tobytes()
     is_new = key not in seen
     seen.add(key)
@@ -260,7 +260,7 @@ def _is_new(row: np.ndarray, seen: set[bytes]) -> bool:
 
 
 def _sources(regions: Sequence[Mapping[str, Any]]) -> str:
-    """How many regions there are, and where most of them come from."""
+    """Number of regions, and where most of them come from."""
     kinds = Counter(str(region.get("source", "?")).split(" ")[0] for region in regions)
     listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(4))
     return f"{len(regions)} regions: {listed}" if regions else "no regions"
@@ -271,7 +271,7 @@ def _parts(count: int) -> str:
 
 
 def figures(count: int, iou: float | None, objective: float | None) -> str:
-    """What there is to say about a set, in a line; without what is None."""
+    """Figures of a set, in a line; without what is None."""
     text = _parts(count)
     text += f" · IoU {iou:.3f}" if iou is not None else ""
     return text + (f" · objective {objective:.3f}" if objective is not None else "")

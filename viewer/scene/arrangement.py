@@ -1,4 +1,4 @@
-"""Where everything of a scene goes: assemblies in one frame, side by side or not, exploded or not."""
+"""Arrangement of a scene: assemblies in one frame, side by side or not, exploded or not."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Arrangement:
 
 
 def arrange(session: EditSession, view: View, comparisons: Sequence[Comparison | None]) -> Arrangement:
-    """Where everything goes."""
+    """Arrange everything of a scene."""
     base = session.state.assemblies[0].transform
     seen: list[Comparison] = []
     placed: list[Placed] = []

@@ -1,4 +1,4 @@
-"""What keys, sliders, buttons and clicks do: no window here, so that a desktop window and a page can share it.
+"""Controller of keys, sliders, buttons and clicks: no window here, so that a window and a page can share it.
 
 A window shows what `sliders`, `status` and `message` say, calls the methods below, and draws again when `on_change` is
 called. While something is dragged everything is coarse; `settle` makes it fine, and the edit one step of undo.
@@ -74,7 +74,7 @@ class Controller:
         self._measure(live=False)
 
     def _command_table(self) -> dict[str, Callable[[], str | None]]:
-        """What does each command but the switches, by its name, and says what there is to say."""
+        """Dispatch table of commands but the switches, by name; each says what there is to say."""
         parts, view, files = self._parts, self._view, self._files
         return {
             "undo": parts.undo,
@@ -129,11 +129,11 @@ class Controller:
         return self.view_sliders()
 
     def view_sliders(self) -> tuple[Slider, ...]:
-        """How far parts are apart, and where the section lies."""
+        """Sliders of the explosion and of the section plane."""
         return self._view.sliders()
 
     def toggles(self) -> tuple[tuple[Command, bool], ...]:
-        """What can be switched, and whether it is on."""
+        """Switches, and whether each is on."""
         return (*self._view.toggles(), (COMMAND_OF["gizmo"], self.gizmo))
 
     # What is done

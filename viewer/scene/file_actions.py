@@ -1,4 +1,4 @@
-"""What keys do with files: saving, exporting, pictures, and whether a window may close."""
+"""File commands of keys: saving, exporting, pictures, and whether a window may close."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FileActions:
         return f"wrote {path}"
 
     def may_close(self) -> bool:
-        """Whether nothing is lost if the window closes, or this was asked before without a change since."""
+        """True if nothing is lost when the window closes, or this was asked before without a change since."""
         if self._session.changed and self._warned is not self._session.state:
             self._warned = self._session.state
             return False

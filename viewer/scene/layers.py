@@ -1,4 +1,4 @@
-"""What can be laid over the parts: the input mesh, its error, what is left over, samples, sections, names.
+"""Overlays of the parts: the input mesh, its error, what is left over, samples, sections, names.
 
 Each layer says what it depends on; it is drawn anew only when that changes. Slow ones wait until nothing is dragged.
 """

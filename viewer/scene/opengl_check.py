@@ -41,7 +41,7 @@ class DisplayError(ResfitError):
 
 @dataclass(frozen=True)
 class Probe:
-    """What a one-frame render said."""
+    """Result of a one-frame render."""
 
     works: bool
     detail: str
@@ -49,7 +49,7 @@ class Probe:
 
 
 def has_display() -> bool:
-    """Whether a window could be opened here at all."""
+    """True if a window could be opened here at all."""
     if not sys.platform.startswith("linux"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,4 +1,4 @@
-"""What keys do to parts: choosing one, hiding, adding, copying and taking away, and drags of its handles."""
+"""Part commands of keys: choosing one, hiding, adding, copying and taking away, and drags of its handles."""
 
 from __future__ import annotations
 

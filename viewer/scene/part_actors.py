@@ -38,7 +38,7 @@ BESIDE_RESIDUAL = 0.14
 
 @dataclass
 class PartActor:
-    """What is drawn of one part."""
+    """Actors of one part."""
 
     poly: Any
     lines: Any
@@ -51,7 +51,7 @@ class PartActor:
 
 @dataclass
 class JoinedActor:
-    """What is drawn of one assembly as a whole."""
+    """Actors of one assembly as a whole."""
 
     poly: Any
     body: Any
@@ -235,7 +235,7 @@ class PartActors:
 
 
 def _differ_in_blends(a: Assembly, b: Assembly) -> bool:
-    """Whether two assemblies are the same but for blends."""
+    """True if two assemblies are the same but for blends."""
     if len(a.primitives) != len(b.primitives):
         return False
     pairs = zip(a.primitives, b.primitives, strict=True)
@@ -243,5 +243,5 @@ def _differ_in_blends(a: Assembly, b: Assembly) -> bool:
 
 
 def _culling(view: View) -> str:
-    """Which faces are left out: insides, unless something is cut open; saves time without a GPU."""
+    """Face culling: insides are left out, unless something is cut open; saves time without a GPU."""
     return "none" if view.section else "back"

@@ -50,7 +50,7 @@ def make_plotter(size: tuple[int, int], off_screen: bool, title: str = "resfit")
 
 
 def is_software(plotter: Plotter) -> bool:
-    """Whether OpenGL runs on the CPU here; known once something was drawn."""
+    """True if OpenGL is rendered in software, on the CPU; known once something was drawn."""
     return any(name in plotter.render_window.ReportCapabilities() for name in SOFTWARE)
 
 

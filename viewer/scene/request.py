@@ -1,4 +1,4 @@
-"""What a command line asks the viewer to show: files, view and camera."""
+"""Command-line request to the viewer: files, view and camera."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LESS = {"parts": "joined", "plain": "edges"}
 
 @dataclass(frozen=True)
 class Request:
-    """What to show, and how at first."""
+    """Request to the viewer: files, and how to show them at first."""
 
     paths: Sequence[Path]
     target: Path | None = None
@@ -39,13 +39,13 @@ class Request:
 
 
 def _show_names() -> list[str]:
-    """What may be asked to be shown: switches, modes of the input mesh, axes of sections."""
+    """Names that may be asked to be shown: switches, modes of the input mesh, axes of sections."""
     switches = [name for name in TOGGLES if name not in ("joined", "edges", "mesh", "section", "explode")]
     return [*switches, *LESS, "ghost", "outline", "beside", "x", "y", "z"]
 
 
 def first_view(request: Request, camera: OrbitCamera) -> View:
-    """How a request wants things shown.
+    """Initial view of a request.
 
     Raises:
         InputError: if it asks for something that there is not.
@@ -88,7 +88,7 @@ def open_session(
 
 
 def read_camera(request: Request) -> OrbitCamera:
-    """Where a request looks from.
+    """Camera of a request.
 
     Raises:
         InputError: if it cannot look from there.

@@ -24,7 +24,7 @@ from .surface_cache import PART_CELLS
 
 
 class Scene:
-    """What a session and a view look like.
+    """Rendered scene of a session and a view.
 
     Attributes:
         session: the assemblies that are shown.
@@ -89,7 +89,7 @@ class Scene:
         self.look()
 
     def points(self) -> np.ndarray:
-        """What is to be seen, (n, 3), scene's frame."""
+        """Visible points, (n, 3), scene's frame."""
         points = [self.parts.points()]
         for placed in self.arrangement.placed:
             if (

@@ -86,7 +86,7 @@ def render_picture(
 
 
 def grab(plotter: Plotter) -> np.ndarray:
-    """What an off-screen plotter shows, edges smoothed: (height, width, 3) uint8, sRGB, row 0 on top."""
+    """Screenshot of an off-screen plotter, edges smoothed: (height, width, 3) uint8, sRGB, row 0 on top."""
     smooth(plotter, True)
     try:
         plotter.show(auto_close=False, interactive=False)

@@ -34,7 +34,7 @@ class PlanePicture:
 
 
 def cut_face(assembly: Assembly, axis: int, at: float, box: tuple[np.ndarray, np.ndarray]) -> PlanePicture:
-    """Where a plane cuts the solid, in the colours of the parts; clear elsewhere.
+    """Cross-section of the solid with a plane, in the colours of the parts; clear elsewhere.
 
     Args:
         assembly: what is cut, with at least one part.

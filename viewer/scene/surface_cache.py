@@ -30,7 +30,7 @@ CAPACITY = 512
 
 
 def shape_key(part: Primitive, cells: int) -> Hashable:
-    """What the surface of a part in its own frame depends on."""
+    """Cache key of the surface of a part in its own frame."""
     return part.family, tuple(part.parameters.items()), cells
 
 
@@ -48,7 +48,7 @@ class PartSurfaces:
         self._kept: OrderedDict[Hashable, Surface] = OrderedDict()
 
     def has(self, part: Primitive, cells: int) -> bool:
-        """Whether a surface is there without any work."""
+        """Cache hit: True if a surface is there without any work."""
         return shape_key(part, cells) in self._kept
 
     def surface(self, part: Primitive, cells: int = PART_CELLS) -> Surface:

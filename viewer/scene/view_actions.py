@@ -1,4 +1,4 @@
-"""What keys do to the picture: what is drawn, the comparison with the input mesh, and where the camera stands."""
+"""View commands of keys: what is drawn, the comparison with the input mesh, and where the camera stands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ViewActions:
         self._scene = scene
 
     def sliders(self) -> tuple[Slider, ...]:
-        """How far parts are apart, and where the section lies."""
+        """Sliders of the explosion and of the section plane."""
         view = self._scene.view
         return (
             Slider("view.explode", "View", "explode", "ratio", "how far parts are moved apart", (0.0, 1.0),
@@ -34,7 +34,7 @@ class ViewActions:
         self._scene.view = replace(self._scene.view, **{slider_id.removeprefix("view."): value})
 
     def toggles(self) -> tuple[tuple[Command, bool], ...]:
-        """What can be switched, and whether it is on."""
+        """Switches, and whether each is on."""
         view = self._scene.view
         return tuple((command, is_on(view, command.name)) for command in COMMANDS if command.name in TOGGLES)
 

@@ -1,4 +1,4 @@
-"""Who may talk to the page's server: only those who have its token, and only for what the page consists of.
+"""Access control of the page's server: only those who have its token, only for what the page consists of.
 
 The token comes with the address that is printed. The page's first request trades it for a cookie, which its files, its
 web socket and later visits bring along; a server forgets nothing and keeps no list.
@@ -39,14 +39,14 @@ class Gate:
         return f"resfit_{port}"
 
     def knows(self, query: str | None, cookie: str | None) -> bool:
-        """Whether a request has the token; one that is wrong in the address is not made up for by a cookie."""
+        """Token check of a request; one that is wrong in the address is not made up for by a cookie."""
         given = cookie if query is None else query
         return hmac.compare_digest((given or "").encode(), self.token.encode())
 
     def refusal(
         self, method: str, raw_path: str, query: str | None, cookie: str | None, origin: str | None, host: str
     ) -> str | None:
-        """Why a request is refused, or None if it is not.
+        """Reason to refuse a request, or None.
 
         Args:
             method: of HTTP.
@@ -68,7 +68,7 @@ class Gate:
 
 
 def is_plain(raw_path: str) -> bool:
-    """Whether a path goes straight down, however often it was encoded."""
+    """Path-traversal check: True if a path goes straight down, however often it was encoded."""
     path = raw_path
     for _ in range(4):
         decoded = unquote(path)
@@ -80,7 +80,7 @@ def is_plain(raw_path: str) -> bool:
 
 
 def is_ours(record: logging.LogRecord) -> bool:
-    """Whether a record of the server's logs is about the server, not about a request that it could make nothing of.
+    """Log filter: True if a record is about the server, not about a request that it could make nothing of.
 
     Such a request is answered, by 400 or an error; how it came about is no news for the terminal.
     """

@@ -63,7 +63,7 @@ def _picture(app: App) -> None:
 
 
 def _switches() -> None:
-    """What is drawn, below the picture."""
+    """Switches of the view, below the picture."""
     from trame.widgets import html
 
     with html.Div(classes="below"):

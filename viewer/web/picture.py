@@ -82,7 +82,7 @@ class Picture:
         return Frame(packed.getvalue(), width, height, quality)
 
     def pixels(self) -> np.ndarray:
-        """What was drawn, (height, width, 3) uint8, the lowest row first."""
+        """Pixels of the last frame, (height, width, 3) uint8, the lowest row first."""
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 

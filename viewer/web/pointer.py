@@ -1,4 +1,4 @@
-"""What mouse, fingers and keys on the picture do: as in the desktop window, from the events that its page sends."""
+"""Pointer and key events on the picture: as in the desktop window, from those that its page sends."""
 
 from __future__ import annotations
 

@@ -56,12 +56,12 @@ class PageServer:
 
     @property
     def port(self) -> int:
-        """Where it listens, once it does."""
+        """Port of the server, once it listens."""
         return self._server.port
 
     @property
     def address(self) -> str:
-        """What to open in a browser, token included."""
+        """URL to open in a browser, token included."""
         return f"http://{shown_host(self.host)}:{self.port}/?token={self.gate.token}"
 
     async def start(self, port: int = 0) -> None:
@@ -129,7 +129,7 @@ async def _serve(controller: Controller, host: str, port: int) -> None:
 
 
 def is_local(host: str) -> bool:
-    """Whether only this machine can reach a server that listens there."""
+    """Loopback test: True if only this machine can reach a server that listens there."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

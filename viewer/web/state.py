@@ -1,4 +1,4 @@
-"""What a page shows, as plain values that go over the wire, and what may be saved where: no trame here.
+"""State of a page, as plain values that go over the wire, and what may be saved where: no trame here.
 
 Names of parts and files stay text all the way: the page's template only ever inserts them as such.
 """
@@ -29,7 +29,7 @@ MAX_FILE_NAME = 100
 
 
 def is_offered(name: str) -> bool:
-    """Whether a page may run a command."""
+    """True if a page may run a command."""
     return name in COMMAND_OF and name not in ELSEWHERE
 
 
@@ -109,7 +109,7 @@ def view_rows(controller: Controller) -> list[dict[str, Any]]:
 
 
 def toggle_rows(controller: Controller) -> list[dict[str, Any]]:
-    """What can be switched."""
+    """Rows of the switches."""
     view, compares = controller.scene.view, any(controller.scene.comparisons)
     labels = {
         "joined": "union",
@@ -136,14 +136,14 @@ def save_folder(controller: Controller) -> Path:
 
 
 def save_name(controller: Controller) -> str:
-    """What a page proposes as the name of the saved file."""
+    """Default name of the saved file on a page."""
     if controller.save_path is not None:
         return controller.save_path.name
     return f"{controller.documents[0].path.stem.removesuffix('_edited')}_edited.json"
 
 
 def save_path(folder: Path, name: str) -> Path:
-    """Where a file of that name goes.
+    """Path of a saved file of that name.
 
     Args:
         folder: the only one that is written to.

@@ -24,7 +24,7 @@ class Steps:
 
     @property
     def there(self) -> bool:
-        """Whether there is a history, and only one."""
+        """True if there is a history, and only one."""
         documents = self.controller.documents
         return len(documents) == 1 and (documents[0].path.parent / "history.npz").is_file()
 

@@ -96,7 +96,7 @@ def _tried(name: str, probe: Callable[[], str], fix: str, core: bool = False) ->
 
 
 def _extra(name: str, purpose: str) -> Check:
-    """Whether the packages of an extra are there; of the one for pages, whether its browser starts too."""
+    """Check of the packages of an extra; of the one for pages, also that its browser starts."""
     wanted = requirements(name)
     missing = _missing(wanted)
     if missing:

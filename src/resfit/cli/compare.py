@@ -85,7 +85,7 @@ def compare(
 
 
 def known_methods() -> dict[str, str]:
-    """What each method is, by its name."""
+    """Descriptions of methods, by name."""
     from resfit.eval import methods
 
     found = getattr(methods, "METHODS", {})

@@ -1,4 +1,4 @@
-"""What a command ends with when it fails: an exit code, and one sentence on stderr."""
+"""Exit codes of commands that fail, each with one sentence on stderr."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEFECT, UNUSABLE, FAILED, STOPPED = 1, 2, 3, 4
 
 
 def answered(run: Callable[[], int]) -> int:
-    """What `run` returns, or the exit code of what it raises, which is told.
+    """Exit code that `run` returns, or that of what it raises, which is told.
 
     Raises:
         KeyboardInterrupt: as `run` does.

@@ -14,7 +14,7 @@ MORE = Group("More options", show=False)
 
 
 def parameter(name: str) -> Parameter:
-    """What cyclopts is to know of an option beside its type."""
+    """Parameter of cyclopts for an option: what it is to know beside the type."""
     entry = PUBLIC[name]
     told = Parameter(help=entry.help, negative=list(entry.flags)[1:] or "")
     return Parameter.combine(told, Parameter(group=MORE)) if entry.rare else told

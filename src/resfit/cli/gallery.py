@@ -85,7 +85,7 @@ def write(paths: list[Path], output: Path, work: Path, preset: str, timeout: flo
 
 
 def digest_of(mesh: Path) -> str:
-    """What a report has as the `sha256` of its input."""
+    """SHA-256 digest of an input, as a report has it."""
     with mesh.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -175,7 +175,7 @@ def fit_command(report: dict[str, Any]) -> str:
 
 
 def _is_like(value: Any, usual: Any) -> bool:
-    """Whether an option's value is of the type of the usual one; a text must be a word."""
+    """Type check: True if an option's value is of the type of the usual one; a text must be a word."""
     if isinstance(usual, str):
         return _is_word(value)
     if isinstance(usual, bool):

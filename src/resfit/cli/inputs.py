@@ -1,4 +1,4 @@
-"""What paths on a command line stand for, and what to do where another command was meant. Imports nothing heavy."""
+"""Path arguments of a command line, and what to do where another command was meant. Imports nothing heavy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a fit in progress is shown on stderr: a bar for people, JSON lines for programs, or not at all."""
+"""Progress display of a fit on stderr: a bar for people, JSON lines for programs, or not at all."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _told_once(stop: Stop, reporter: Reporter) -> Any:
 
 
 def summary(result: FitResult, folder: Path, seconds: float) -> str:
-    """What people want to know first, in a few lines.
+    """Summary of a fit in a few lines: what people want to know first.
 
     Args:
         result: of the fit.
@@ -157,7 +157,7 @@ def summary(result: FitResult, folder: Path, seconds: float) -> str:
 
 
 def left_out_line(result: FitResult) -> list[str]:
-    """What of the input the assembly is known not to show; nothing where that is nothing."""
+    """Warning of what the assembly is known not to show of the input; nothing where that is nothing."""
     holes = result.metrics.get("filled_holes", 0)
     if not holes:
         return []

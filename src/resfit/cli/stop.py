@@ -10,13 +10,13 @@ from types import FrameType
 
 
 class Stop:
-    """Whether to stop. Nothing is written where the signal arrives: it may be in the middle of another line."""
+    """Stop flag. Nothing is written where the signal arrives: it may be in the middle of another line."""
 
     def __init__(self) -> None:
         self.requested = False
 
     def __call__(self) -> bool:
-        """Whether to stop."""
+        """True if the fit is to stop."""
         return self.requested
 
     def handle(self, number: int, frame: FrameType | None) -> None:

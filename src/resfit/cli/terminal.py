@@ -108,7 +108,7 @@ def flush() -> None:
 
 
 def loss() -> str:
-    """Why a result that was printed did not arrive; empty if it did, or if its reader had seen enough."""
+    """Error message of a printed result that did not arrive; empty if it did, or its reader had enough."""
     flush()
     if not _lost or _lost[0].errno == errno.EPIPE:
         return ""
