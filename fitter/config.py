@@ -45,7 +45,8 @@ class FitConfig:
     ] = "balanced"
     device: Annotated[str, Option("auto (the CPU, unless given), cpu or cuda:0.", moves=True)] = "auto"
     seed: Annotated[
-        int, Option("of all random choices; 0 unless given.", interval=Interval(least=0), moves=True)
+        int,
+        Option("of all random choices; 0 unless given.", interval=Interval(least=0, whole=True), moves=True),
     ] = 0
     primitive: Annotated[
         str,
@@ -75,7 +76,8 @@ class FitConfig:
     max_primitives: Annotated[
         int,
         Option(
-            "give the best assembly of at most so many parts; 64 unless given.", interval=Interval(least=1)
+            "give the best assembly of at most so many parts; 64 unless given.",
+            interval=Interval(least=1, whole=True),
         ),
     ] = MOST_PRIMITIVES
     target_iou: Annotated[
@@ -107,7 +109,7 @@ class FitConfig:
     ] = 0.0
     """0 is off."""
     rounds: Annotated[
-        int, Option("most rounds of fitting.", interval=Interval(least=1, most=100), rare=True)
+        int, Option("most rounds of fitting.", interval=Interval(least=1, most=100, whole=True), rare=True)
     ] = FROM_PRESET
     probes: Annotated[bool, Option(idle_with={"optimizer": "adam"})] = True
     """Whether refinement watches points where primitives stick out of the target."""

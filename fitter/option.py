@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from numbers import Integral
 from typing import Any
 
 from resfit.errors import InputError
@@ -17,9 +18,13 @@ class Interval:
     above: float | None = None
     most: float | None = None
     below: float | None = None
+    whole: bool = False
+    """True if only whole numbers are in it."""
 
     def __contains__(self, value: Any) -> bool:
         """Membership in the interval: True if a value is a number in it; NaN never is."""
+        if self.whole and not _is_whole(value):
+            return False
         try:
             return (
                 value == value
@@ -32,10 +37,18 @@ class Interval:
             return False
 
     def __str__(self) -> str:
+        return f"a whole number, {self._ends()}" if self.whole else self._ends()
+
+    def _ends(self) -> str:
         if self.least is not None and self.most is not None:
             return f"between {self.least} and {self.most}"
         ends = {"at least": self.least, "above": self.above, "at most": self.most, "below": self.below}
         return " and ".join(f"{word} {end}" for word, end in ends.items() if end is not None)
+
+
+def _is_whole(value: Any) -> bool:
+    """True if a value is an integer of Python or NumPy, and no truth value."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)

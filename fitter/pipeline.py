@@ -62,6 +62,9 @@ def fit_stages(
     def stopped() -> bool:
         return should_stop() or 0 < config.timeout < time.perf_counter() - begin
 
+    def how_stopped() -> Status:
+        return Status.INTERRUPTED if should_stop() else Status.TIMEOUT
+
     tell = on_progress or (lambda progress: None)
     before_curve = CURVE_BEGINS if config.pareto else 1.0
     before_snap = before_curve * (SNAP_BEGINS if config.snap else 1.0)
@@ -72,6 +75,9 @@ def fit_stages(
     if len(full) > config.max_primitives:
         tell(_progress("reduce", fitted.outcome, before_reduction))
         _reduce(fitted, target, config, device, stopped)
+        if stopped() and not fitted.outcome.status.stopped_early:
+            # Fewer parts than were found, but hardly the best so few.
+            fitted.outcome.status = how_stopped()
     if config.snap and not fitted.outcome.status.stopped_early:
         tell(_progress("snap", fitted.outcome, before_snap))
         _snap(fitted, target, config, device, should_stop)
@@ -143,7 +149,12 @@ def _reduce(
         few = len(fitted.outcome.rows) < config.max_primitives
         fitted.outcome.status = Status.SATURATED if few else Status.MAX_PRIMITIVES
     some = "part" if len(rows) == 1 else f"{len(rows)} parts"
-    fitted.notes.append(f"The best {some} in place of {len(full.rows)}; raise --max-primitives for more.")
+    advice = (
+        "raise --max-primitives for more"
+        if len(rows) == config.max_primitives
+        else f"none better was found with {config.max_primitives}"
+    )
+    fitted.notes.append(f"The best {some} in place of {len(full.rows)}; {advice}.")
 
 
 def _curve(

@@ -35,7 +35,7 @@ def outside_families() -> list[Family]:
 def _of_entry_point(entry: EntryPoint) -> Family:
     try:
         loaded = entry.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(
             f"the primitive family '{entry.name}' cannot be imported from {entry.value}."
         ) from error
@@ -44,7 +44,8 @@ def _of_entry_point(entry: EntryPoint) -> Family:
 
 def _of_file(path: Path) -> Family:
     if not path.is_file():
-        raise InputError(f"{path}, which {VARIABLE} names, is not there.")
+        what = "is a folder" if path.is_dir() else "is not there"
+        raise InputError(f"{path}, which {VARIABLE} names, {what}; name a Python file that defines FAMILY.")
     # Warp reads the kernels' text from the file, and finds their names in the module.
     name = f"resfit_family_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path.resolve())
@@ -53,8 +54,10 @@ def _of_file(path: Path) -> Family:
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"{path}, which {VARIABLE} names, does not run: {error}.") from error
+    except (Exception, SystemExit) as error:
+        # A file that ends the interpreter would end ours, with its exit code.
+        told = error if isinstance(error, Exception) else "it ends the interpreter"
+        raise InputError(f"{path}, which {VARIABLE} names, does not run: {told}.") from error
     return _checked(getattr(module, "FAMILY", None), str(path))
 
 

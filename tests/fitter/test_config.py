@@ -46,8 +46,12 @@ def test_flags_stand_for_values(name: str) -> None:
         ({"preset": "slow"}, "--preset slow: there is no such preset; choose fast, balanced, best."),
         ({"target_iou": 0.0}, "--target-iou 0.0 is out of range; it must be above 0 and at most 1."),
         ({"parsimony": math.nan}, "--parsimony nan is out of range; it must be at least 0 and below 1."),
-        ({"seed": "one"}, "--seed one is out of range; it must be at least 0."),
-        ({"rounds": 101}, "--rounds 101 is out of range; it must be between 1 and 100."),
+        ({"seed": "one"}, "--seed one is out of range; it must be a whole number, at least 0."),
+        (
+            {"max_primitives": 2.5},
+            "--max-primitives 2.5 is out of range; it must be a whole number, at least 1.",
+        ),
+        ({"rounds": 101}, "--rounds 101 is out of range; it must be a whole number, between 1 and 100."),
     ],
 )
 def test_values_are_checked(options: dict[str, Any], sentence: str) -> None:

@@ -99,3 +99,17 @@ def test_a_cart_keeps_its_wheels() -> None:
     for x in (-1.4, 1.4):
         for y in (-1.0, 1.0):
             assert np.linalg.norm(held - (x, y, 0.0), axis=1).min() < 0.4
+
+
+def test_what_cuts_a_reduction_short_is_said() -> None:
+    told: list[str] = []
+    result = resfit.fit(
+        blocks(),
+        preset="fast",
+        device="cpu",
+        max_primitives=1,
+        on_progress=lambda progress: told.append(progress.stage),
+        should_stop=lambda: "reduce" in told,
+    )
+    assert result.status is Status.INTERRUPTED and result.status.stopped_early
+    assert len(result.assembly.primitives) == 1

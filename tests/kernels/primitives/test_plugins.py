@@ -99,7 +99,11 @@ def test_it_keeps_the_contract(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "bad.py, which RESFIT_FAMILIES names, is not there."),
+        (None, "bad.py, which RESFIT_FAMILIES names, is not there; name a Python file that defines FAMILY."),
+        (
+            "raise SystemExit(0)",
+            "bad.py, which RESFIT_FAMILIES names, does not run: it ends the interpreter.",
+        ),
         ("x = 1\n", "bad.py holds no primitive family; it must define FAMILY."),
         ("x = 1 / 0\n", "bad.py, which RESFIT_FAMILIES names, does not run: division by zero."),
     ],
