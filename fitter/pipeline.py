@@ -62,9 +62,6 @@ def fit_stages(
     def stopped() -> bool:
         return should_stop() or 0 < config.timeout < time.perf_counter() - begin
 
-    def how_stopped() -> Status:
-        return Status.INTERRUPTED if should_stop() else Status.TIMEOUT
-
     tell = on_progress or (lambda progress: None)
     before_curve = CURVE_BEGINS if config.pareto else 1.0
     before_snap = before_curve * (SNAP_BEGINS if config.snap else 1.0)
@@ -77,7 +74,7 @@ def fit_stages(
         _reduce(fitted, target, config, device, stopped)
         if stopped() and not fitted.outcome.status.stopped_early:
             # Fewer parts than were found, but hardly the best so few.
-            fitted.outcome.status = how_stopped()
+            fitted.outcome.status = Status.INTERRUPTED if should_stop() else Status.TIMEOUT
     if config.snap and not fitted.outcome.status.stopped_early:
         tell(_progress("snap", fitted.outcome, before_snap))
         _snap(fitted, target, config, device, should_stop)

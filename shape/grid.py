@@ -35,6 +35,13 @@ def distance_grid(query: SolidQuery, resolution: int) -> np.ndarray:
     return distance
 
 
+def grid_volume(grid: np.ndarray) -> float:
+    """Volume of a solid in cubed normalised units, from its signed distances (n, n, n) at the cells of [-1, 1]^3."""
+    spacing = 2.0 / len(grid)
+    # A cell at the surface counts by the share of it that is inside, as its distance tells.
+    return float(np.clip(0.5 - grid / spacing, 0.0, 1.0).sum(dtype=np.float64)) * spacing**3
+
+
 def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
     """IoU of two solids, boolean arrays of one shape that say where each is; 0 where both are empty."""
     return float(np.count_nonzero(a & b) / max(1, np.count_nonzero(a | b)))

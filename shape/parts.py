@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from ..assembly.transform import Transform
-from .grid import distance_grid
+from .grid import distance_grid, grid_volume
 from .samples import make_samples
 from .solid import Solid
 from .solid_query import SolidQuery
@@ -127,7 +127,6 @@ def solid_target(
     query = SolidQuery(solid, device)
     grid = distance_grid(query, resolution)
     lower, upper = transform.to_normalised(np.stack([low, high]))
-    spacing = 2.0 / resolution
     return replace(
         whole,
         transform=transform,
@@ -141,7 +140,7 @@ def solid_target(
         samples=make_samples(query, lower, upper, sample_count, seed),
         lower=lower,
         upper=upper,
-        volume=float(np.clip(0.5 - grid / spacing, 0.0, 1.0).sum(dtype=np.float64)) * spacing**3,
+        volume=grid_volume(grid),
     )
 
 

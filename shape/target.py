@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..assembly.transform import Transform
-from .grid import distance_grid
+from .grid import distance_grid, grid_volume
 from .load import load_mesh
 from .loaded_mesh import LoadedMesh, Part
 from .samples import Samples, make_samples
@@ -92,10 +92,7 @@ def make_target(
     if solid.thickness:
         lower, upper = lower - 0.5 * solid.thickness, upper + 0.5 * solid.thickness
     samples = make_samples(query, lower, upper, sample_count, seed)
-    spacing = 2.0 / resolution
-    # A cell at the surface counts by the share of it that is inside, as its distance tells.
-    volume = float(np.clip(0.5 - grid / spacing, 0.0, 1.0).sum(dtype=np.float64)) * spacing**3
     return Target(
         transform, vertices.astype(np.float32), mesh.faces.astype(np.int32), mesh.parts, solid, query, grid,
-        resolution, samples, lower, upper, solid.sentence, mesh.notes, mesh.sha256, volume, mesh.reader,
+        resolution, samples, lower, upper, solid.sentence, mesh.notes, mesh.sha256, grid_volume(grid), mesh.reader,
     )  # fmt: skip

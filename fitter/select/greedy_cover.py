@@ -24,7 +24,7 @@ MOSTLY_AIR = 4.0
 """Air per solid, among the points of the box, above which a candidate is none: refinement makes rough ones precise."""
 
 LEAST_AIR = 4.0
-"""Points of air that are chance."""
+"""Sample points by which there must be more air: fewer are chance."""
 
 
 class GreedyCover(Cover):

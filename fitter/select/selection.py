@@ -10,7 +10,7 @@ from ...kernels.select.coverage_sets import CandidateCoverage
 from ..objective.objective import Tally
 from ..presets import SelectConfig
 from .cover import Cover
-from .greedy_cover import GreedyCover
+from .greedy_cover import LEAST_AIR, GreedyCover
 
 EXCHANGES = 3
 """Passes over the chosen ones in search of something better; later passes hardly ever find any."""
@@ -20,8 +20,6 @@ TWIN = 0.6
 """Share of common points, of the points in either, above which a candidate is another try at the same part."""
 BATCH = 16
 """Replacements of several that are tried side by side: once one is made, the rest must be tried anew."""
-LEAST_AIR = 4.0
-"""Sample points by which there must be more air than solid: fewer are chance."""
 WIDE_LOOK = 24
 """Candidates whose addition alone does not pay that are tried as a replacement of several."""
 

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from resfit.cli.failures import FAILED, STOPPED
 from resfit.cli.terminal import summarise
 from resfit.errors import InputError
-
-FAILED, STOPPED = 3, 4
 
 
 def bench(

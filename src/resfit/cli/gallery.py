@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from resfit.assembly.report import REPORT
+from resfit.cli.failures import FAILED
 from resfit.cli.terminal import summarise, tell
 from resfit.errors import AssemblyError, InputError
 from resfit.fitter.config import Preset
 
 if TYPE_CHECKING:
     from resfit.eval.report.gallery import Entry
-
-FAILED = 3
 
 
 def gallery(
